@@ -31,6 +31,7 @@ mod garments;
 mod maps;
 mod material_files;
 mod memory;
+mod mesh_files;
 mod parameters;
 mod pins;
 mod presets;

@@ -14,7 +14,7 @@ use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
 use crate::shot_description::{FRAMES, OutputDescription, RenderMeshDescription, ShotDescription};
-use crate::units::{self, InputUnits, Units};
+use crate::units::Units;
 use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
@@ -51,9 +51,11 @@ pub(super) struct Resolver<'a> {
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
-    referred_files: Vec<PathBuf>,
+    pub(super) referred_files: Vec<PathBuf>,
     /// What is worth saying about files that can be read.
     warnings: Vec<String>,
+    /// The unit [m] that a body's file states, where its size shows that it is not meant.
+    pub(super) misstated: Option<f64>,
     /// What the garments so far need.
     pub(super) memory: Memory,
 }
@@ -76,6 +78,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         input_files: scene.material_files.clone(),
         referred_files: Vec::new(),
         warnings: Vec::new(),
+        misstated: None,
         memory: Memory::new(scene, ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -208,53 +211,6 @@ impl Resolver<'_> {
         Some(value)
     }
 
-    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
-    /// itself, or the scene for all files.
-    pub(super) fn open(
-        &mut self,
-        path: &Path,
-        file: &str,
-        pattern: Option<&str>,
-        own: Option<FileUnits>,
-    ) -> Option<MeshSource> {
-        if let Some(mesh) = self.scene.meshes.named(file) {
-            let mesh = self.of_file(path, mesh)?;
-            if pattern.is_some() {
-                let help = "leave `path` out, or hand the meshes over one by one".to_owned();
-                self.error_with(path, "a mesh in memory is one object; none can be chosen by its path", help);
-                return None;
-            }
-            return Some(MeshSource::in_memory(&mesh, own.map_or(Units::SI, written)));
-        }
-        let file = self.scene.folder.join(file);
-        let (own, general) = (own.map(written), self.scene.document.units.map(written));
-        let mut warning = None;
-        let opened = MeshSource::open_stating(&file, pattern, |stated| match stated {
-            None => own.or(general).map(InputUnits::from),
-            Some(stated) => {
-                let (units, said) = units::decide(stated, own, general);
-                warning = said;
-                Some(units)
-            }
-        });
-        self.takes(file.clone());
-        let Some(source) = self.of_file(path, opened)? else {
-            let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
-            self.error_with(path, "the units of this file are not known", help.to_owned());
-            return None;
-        };
-        for file in source.other_files() {
-            if !self.referred_files.contains(&file) {
-                self.referred_files.push(file.clone());
-            }
-            self.takes(file);
-        }
-        for note in warning.into_iter().chain(source.notes()) {
-            self.warn(&file.display().to_string(), &note);
-        }
-        Some(source)
-    }
-
     /// Takes note of what somebody should know of a file.
     pub(super) fn warn(&mut self, file: &str, note: &str) {
         let text = format!("{file}: {note}");
@@ -264,7 +220,7 @@ impl Resolver<'_> {
     }
 
     /// Takes note of a file that the shot reads.
-    fn takes(&mut self, file: PathBuf) {
+    pub(super) fn takes(&mut self, file: PathBuf) {
         if !self.input_files.contains(&file) {
             self.input_files.push(file);
         }
@@ -328,7 +284,7 @@ impl Resolver<'_> {
         fields::settings(path.find(&self.scene.root), fields)
     }
 
-    /// A shutter that does not open before it closes, or that nothing samples.
+    /// A shutter that does not open before it closes, or that nothing samples; samples that nothing holds.
     fn shutter(&mut self) {
         let raw::Output { samples, shutter: [open, close], .. } = self.scene.document.output;
         let here = Path::default().key("output").key("shutter");
@@ -339,6 +295,12 @@ impl Resolver<'_> {
         } else if samples == 1 && [open, close] != raw::Output::default().shutter {
             let help = "write samples = 3 beside it, or leave it out".to_owned();
             self.error_with(&here, "nothing samples the shutter", help);
+        }
+        let holds_samples = |format: &raw::Format| matches!(format, raw::Format::Abc | raw::Format::Usd);
+        if samples > 1 && !self.scene.document.output.format.iter().any(holds_samples) {
+            let here = Path::default().key("output").key("samples");
+            let help = "add \"abc\" or \"usd\" to output.format, or leave samples out".to_owned();
+            self.error_with(&here, "there are no Alembic or USD caches that could hold samples between frames", help);
         }
     }
 
@@ -352,9 +314,13 @@ impl Resolver<'_> {
         }
     }
 
-    /// Formats that are not in this build of the program.
+    /// Formats that are named twice, or that are not in this build of the program.
     fn formats(&mut self) {
         let words = output(self.scene).formats;
+        for (index, word) in words.iter().enumerate().filter(|(index, word)| words[..*index].contains(word)) {
+            let here = Path::default().key("output").key("format").index(index);
+            self.error_with(&here, format!("the format \"{word}\" is named twice"), "name it once".to_owned());
+        }
         for (index, word) in words.iter().enumerate().filter(|(_, word)| by_extension(word).is_none()) {
             self.error_with(
                 &Path::default().key("output").key("format").index(index),
@@ -385,6 +351,12 @@ impl Resolver<'_> {
         let scene = self.scene;
         let raw::EffectChoice { without, only } = &scene.document.effects;
         let here = Path::default().key("effects");
+        let is_written = here.find(&scene.root).as_table().is_some_and(|effects| effects.get("only").is_some());
+        if is_written && only.is_empty() {
+            let help = "name the effects that are to run, or leave `only` out to run all of them".to_owned();
+            self.error_with(&here.key("only"), "this list leaves no effect", help);
+            return;
+        }
         let (key, chosen) = match (without.is_empty(), only.is_empty()) {
             (true, true) => return,
             (false, true) => ("without", self.description.leave_out(without)),
