@@ -38,6 +38,7 @@ mod lowered_thickness;
 mod planted_errors;
 mod recovery;
 mod start;
+mod start_state;
 
 pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
@@ -49,6 +50,7 @@ use lowered_thickness::lowered_thickness;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
+pub use start_state::{StartCrossings, StartLengths};
 
 /// What the caller pushes for one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -209,6 +211,9 @@ pub struct Simulation {
     warnings: Vec<String>,
     /// Garments that keep less than their thickness.
     lowered: Vec<LoweredThickness>,
+    /// What crosses at the start, and garments with edges that are far from their length at rest there.
+    start_crossings: Vec<StartCrossings>,
+    start_lengths: Vec<StartLengths>,
     /// Who looks at the cloth after lines of the listings.
     observer: Option<Observer>,
 }
@@ -229,6 +234,7 @@ impl Simulation {
         simulation.warn_of_far_bound();
         simulation.pins_take_hold();
         simulation.crossings = simulation.find_crossings();
+        simulation.look_at_start();
         Ok(simulation)
     }
 
@@ -318,6 +324,8 @@ impl Simulation {
             retry: RetryState::default(),
             warnings: Vec::new(),
             lowered,
+            start_crossings: Vec::new(),
+            start_lengths: Vec::new(),
             observer: None,
         })
     }

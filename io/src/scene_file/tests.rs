@@ -403,6 +403,53 @@ fn pins_that_hold_nothing_real_are_refused() {
 }
 
 /// Settings of an effect in SI units, with its defaults.
+#[test]
+fn times_words_and_lists_that_contradict_themselves_are_told_at_their_place() {
+    let pin = |keys: &str| format!("{SHEET}{keys}\n");
+    let seam = |keys: &str| {
+        let sides = "from = { garment = \"sheet\", vertices = [1] }\nto = { garment = \"sheet\", vertices = [2] }";
+        format!("{SHEET}[[seam]]\n{sides}\nstrength = 800\n{keys}\n")
+    };
+    let without_preroll = |text: String| text.replace("preroll = { settle = 5 }\n", "");
+    for (text, words) in [
+        (
+            pin("path = [[0.0, [0, 0, 0]], [2.0, [0, 1, 0]], [1.0, [0, 2, 0]]]"),
+            "scenes/sheet.toml:16:8: the times of a path have to grow from point to point",
+        ),
+        (pin("path = [[1.0, [0, 0, 0]], [1.0, [0, 1, 0]]]"), "the times of a path have to grow"),
+        (pin("axes = \"xyzzy\""), "scenes/sheet.toml:16:8: \"xyzzy\" is not a set of the axes x, y and z"),
+        (pin("axes = \"xy\"\nmode = \"spring\"\nstiffness = 20"), "a spring pulls along all axes"),
+        (
+            pin("track = \"track.abc\""),
+            "`track` has a meaning with `to = \"track\"` only, and this pin has `to = \"start\"`",
+        ),
+        (pin("bind = \"nearest\""), "`bind` has a meaning with `to = \"body:…\"` only"),
+        (seam("start = 2\nclosed = 1"), "this seam is closed at 1 s, before it starts to close at 2 s"),
+        (
+            without_preroll(seam("start = 2")),
+            "this seam is closed at 1 s, as `closed` is left out, before it starts to close at 2 s",
+        ),
+        (seam("start = 2"), "this seam is closed at 0 s, as `closed` is left out"),
+        (format!("{SHEET}[output]\nformat = [\"abc\", \"h5\", \"abc\"]\n"), "the format \"abc\" is named twice"),
+        (
+            format!("{SHEET}[output]\nformat = [\"h5\"]\nsamples = 3\n"),
+            "there are no Alembic or USD caches that could hold samples between frames",
+        ),
+        (format!("{SHEET}[effects]\nonly = []\n"), "this list leaves no effect"),
+    ] {
+        assert!(message(&text).contains(words), "{words}\n{}", message(&text));
+    }
+    for text in [
+        pin("path = [[0.0, [0, 0, 0]], [2.0, [0, 1, 0]]]\naxes = \"zx\""),
+        seam("start = 2\nclosed = 2"),
+        without_preroll(seam("start = 0.5")),
+        format!("{SHEET}[output]\nformat = [\"h5\", \"abc\"]\nsamples = 3\n"),
+        format!("{SHEET}[effects]\nwithout = []\n"),
+    ] {
+        resolve(&text);
+    }
+}
+
 fn values_in_use(request: &EffectRequest) -> Vec<(&'static str, SettingValue)> {
     let fields = drapery_core::effects::find(&request.effect).expect("a known effect").fields;
     let settings = Settings::check(fields, &request.settings).expect("checked settings");

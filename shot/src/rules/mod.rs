@@ -2,11 +2,15 @@
 //! is [`drapery_io::rules`]; each has its file here.
 
 mod body_friction;
+mod density;
 mod frame_rate;
+mod idle_setting;
 mod no_gravity;
 mod no_self_collision;
 mod render_mesh;
 mod shape_units;
+mod start_speed;
+mod start_state;
 mod thickness_lowered;
 mod unopened_format;
 mod up_axis;
@@ -98,6 +102,11 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("body_friction", Look::Facts(body_friction::find)),
     ("shape_units", Look::Facts(shape_units::find)),
     ("wind_speed", Look::Facts(wind_speed::find)),
+    ("start_speed", Look::Facts(start_speed::find)),
+    ("density", Look::Facts(density::find)),
+    ("start_crossed", Look::Simulation(start_state::find_crossings)),
+    ("start_lengths", Look::Simulation(start_state::find_lengths)),
+    ("idle_setting", Look::Facts(idle_setting::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),
