@@ -117,7 +117,7 @@ class Collected:
         if own.fabric == OTHER and not own.other_fabric:
             self.say(f'"{thing.name}" has no fabric', "choose one, or write the name of the studio's material", thing)
         if own.stiffens and largest_strain(own) is None:
-            self.say(f'"{thing.name}" stiffens up to a strain that is not known of its material', "set its Largest Strain", thing)
+            self.say(f'"{thing.name}" stiffens up to a strain that is not known of its material', "set its Strain", thing)
         self.look_at_render_mesh(thing)
         for pin in own.pins:
             if not pin.group:

@@ -63,13 +63,13 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
             layout.prop(own, "other_fabric")
         self.own(layout, own, "thickness")
         self.own(layout, own, "strain")
-        row = layout.row()
-        row.prop(own, "stiffens")
-        row.prop(own, "strain_limit")
+        layout.prop(own, "stiffens")
+        layout.prop(own, "strain_limit")
         layout.prop(own, "order")
         if len(thing.modifiers) > 0:
             layout.prop(own, "simulated")
-        layout.prop(own, "render_mesh")
+        layout.label(text="Render Mesh")
+        layout.prop(own, "render_mesh", text="")
         if own.render_mesh:
             layout.prop(own, "rigid")
 
@@ -146,7 +146,7 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         layout.prop(own, "self_contact")
         layout.prop(own, "wind")
         if own.wind:
-            layout.prop(own, "wind_velocity")
+            layout.prop(own, "wind_velocity", text="m/s")
         layout.prop(own, "threads")
 
 

@@ -85,7 +85,7 @@ class DraperyObject(bpy.types.PropertyGroup):
     own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
     thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
                              description="Distance that layers of cloth keep, or that a body keeps from cloth")
-    own_strain: BoolProperty(name="Largest Strain", description="Instead of that of the fabric")
+    own_strain: BoolProperty(name="Strain", description="Largest strain, instead of that of the fabric")
     strain: FloatProperty(name="%", default=8.0, min=0.1, max=1000.0, precision=1,
                           description="How far the cloth stretches, in per cent of its length")
     stiffens: BoolProperty(name="Stiffens", description="The cloth resists more the farther it is stretched, up to the largest strain "
