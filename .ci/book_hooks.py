@@ -3,6 +3,8 @@ tables that begin without an empty line.
 
 The pages are also read where the repository is hosted, so they link scenes, sources and licences by their paths. The book gets a
 copy of each file that is linked, under `files/`; a link to a file that does not exist is left to MkDocs, which refuses it.
+
+Tables get what the style sheet needs to fit them into a page, and the index of the search gets users' words (`.ci/book`).
 """
 
 import html
