@@ -94,7 +94,8 @@ fn section(command: &mut Command) -> String {
 fn the_page_of_the_command_line_is_fresh() {
     let mut command = drapery_command::command_line();
     let mut page = String::from(
-        "# The command line\n\n`drapery COMMAND --help` prints the same,\nand `make dist` makes man pages and completions of it. How it ends: [exit codes](exit_codes.md).\n\n\
+        "# The command line\n\n`drapery COMMAND --help` prints the same,\nand `make dist` makes man pages and completions of it. \
+         How it ends: [exit codes](exit_codes.md).\n\n\
          | command | does |\n|---|---|\n",
     );
     for sub in command.get_subcommands() {
