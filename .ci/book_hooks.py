@@ -3,6 +3,8 @@ tables that begin without an empty line.
 
 The pages are also read where the repository is hosted, so they link scenes, sources and licences by their paths. The book gets a
 copy of each file that is linked, under `files/`; a link to a file that does not exist is left to MkDocs, which refuses it.
+
+Tables get what the style sheet needs to fit them into a page, and the index of the search gets users' words (`.ci/book`).
 """
 
 import html
@@ -60,9 +62,9 @@ def on_page_content(content, page, config, files):
         table = match[0]
         first = CELL.search(table)
         for row in ROW.findall(table)[1:] if first and first[2] in ("you see", "you look for") else []:
-            said, told = CELL.findall(row)[:2]
-            text = html.unescape(TAG.sub("", said[1]))
-            links = re.findall(r'href="([^"]+)"', told[1])
+            cell, here = CELL.findall(row)[:2]
+            text = html.unescape(TAG.sub("", cell[1]))
+            links = re.findall(r'href="([^"]+)"', here[1])
             targets = [section] if first[2] == "you see" else [posixpath.normpath(f"{page.url}/../{link}") for link in links]
             for target in targets:
                 words.setdefault(target, []).append(text)

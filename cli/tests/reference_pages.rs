@@ -99,8 +99,8 @@ fn section(command: &mut Command) -> String {
 fn the_page_of_the_command_line_is_fresh() {
     let mut command = drapery_command::command_line();
     let mut page = String::from(
-        "# The command line\n\nWritten by a test from the program (`cli/src/args.rs`); change it there. `drapery COMMAND --help` prints \
-         the same,\nand `make dist` makes man pages and completions of it. How it ends: [exit codes](exit_codes.md).\n\n\
+        "# The command line\n\n`drapery COMMAND --help` prints the same,\nand `make dist` makes man pages and completions of it. \
+         How it ends: [exit codes](exit_codes.md).\n\n\
          | command | does |\n|---|---|\n",
     );
     for sub in command.get_subcommands() {
@@ -112,6 +112,7 @@ fn the_page_of_the_command_line_is_fresh() {
     for sub in command.get_subcommands_mut() {
         page += &section(sub);
     }
+    page += "\n<!-- Written by a test from the program (`cli/src/args.rs`); change it there. -->\n";
     check("docs/reference/cli.md", &page);
 }
 
@@ -120,8 +121,7 @@ fn the_page_of_exit_codes_and_environment_is_fresh() {
     let help = drapery_command::command_line().get_after_help().expect("exit codes").to_string();
     let rows = help.lines().skip(1).filter_map(|line| line.trim().split_once("  "));
     let mut page = String::from(
-        "# Exit codes and environment\n\nWritten by a test from the program (`cli/src/exit_code.rs`, \
-         `cli/tests/reference_pages.rs`); change it there.\n\n## Exit codes\n\nWhat a scheduler should do about each is \
+        "# Exit codes and environment\n\n## Exit codes\n\nWhat a scheduler should do about each is \
          [in a table](../guide/farm.md) of the farm page.\n\n| code | meaning |\n|---|---|\n",
     );
     for (code, meaning) in rows {
@@ -133,6 +133,8 @@ fn the_page_of_exit_codes_and_environment_is_fresh() {
     for (name, says) in VARIABLES {
         let _ = writeln!(page, "| `{name}` | {says} |");
     }
+    page += "\n<!-- Written by a test from the program (`cli/src/exit_code.rs`, `cli/tests/reference_pages.rs`); \
+             change it there. -->\n";
     check("docs/reference/exit_codes.md", &page);
 }
 

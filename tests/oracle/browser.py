@@ -11,8 +11,8 @@ import threading
 import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-# Seconds; a hundred pages take a quarter of a minute.
-PATIENCE = 300
+# Seconds, for machines that are busy with other work.
+PATIENCE = 600
 
 HARNESS = """<!doctype html><meta charset="utf-8"><body><script type="module">
 const answer = (body) => fetch("/answer", { method: "POST", body: JSON.stringify(body) });

@@ -30,18 +30,22 @@ pub(crate) fn page() -> String {
         }
         printed.push(path);
     }
-    page + &materials() + BODIES
+    page + &materials() + BODIES + NOTE
 }
+
+/// For developers, and for nobody who reads the page.
+const NOTE: &str = "
+<!-- Written by a test from the JSON schema (`drapery schema`), which comes from the rows of values (`core/src/scene/`) and from
+the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there. -->
+";
 
 const HEAD: &str = "# The scene file
 
-Written by a test from the JSON schema (`drapery schema`), which comes from the rows of values (`core/src/scene/`) and from
-the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there. The file is TOML. Bold keys have to be given. Positions, velocities and
-times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files. Where a key takes a
-number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both ends
-included; a number outside is an error that names the line. Any value may be \"$name\", which takes the
-parameter `name`. An unknown key is an error that names the line and suggests the right word. Files are looked for
-from the folder of the scene file.
+The file is TOML. Bold keys have to be given. An unknown key is an error that names the line and suggests the right word.
+Positions, velocities and times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files.
+Where a key takes a number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
+ends included; a number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Files
+are looked for from the folder of the scene file.
 ";
 
 const BODIES: &str = "
