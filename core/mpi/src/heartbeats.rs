@@ -300,9 +300,10 @@ impl Watch {
     fn take(&mut self, event: Event) {
         match event {
             Event::Answered(rank, stream) => self.add(rank, Link::new(stream)),
-            Event::Bye(_) => {
+            Event::Bye(done) => {
                 self.said_bye = true;
                 self.say(Word::Bye);
+                drop(done);
             }
         }
     }
