@@ -15,15 +15,18 @@ from pathlib import Path
 
 import pytest
 
-from farm import DONE, PATIENCE
+from farm import DONE, PATIENCE, Shot
 from test_mpi import running
-from test_mpi_runs import (ENVIRONMENT, LONG, PROGRAM, Ranks, assert_same, await_frame, is_built_with_mpi, last_frame,
+from test_mpi_runs import (ENVIRONMENT, PROGRAM, SAMPLES, Ranks, assert_same, await_frame, is_built_with_mpi, last_frame,
                            processes, results)
 
 pytestmark = [
     pytest.mark.skipif(not shutil.which("mpirun"), reason="no mpirun"),
     pytest.mark.skipif(not os.path.isfile(PROGRAM) or not is_built_with_mpi(), reason="drapery was built without MPI"),
 ]
+
+# Lasts until it is disturbed in its second frame, and not much longer.
+LONG = Shot(SAMPLES / "twister.toml", "0-14", resolution=16)
 
 # Exit code of a rank that has lost another one.
 RANK_LOST = 69

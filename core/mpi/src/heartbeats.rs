@@ -83,7 +83,7 @@ pub struct Heartbeats(Sender<Event>, #[cfg(test)] Arc<[AtomicBool]>);
 enum Event {
     /// A rank has answered a call.
     Answered(usize, TcpStream),
-    /// The others are to know that this rank may end; then the sender says that it is done.
+    /// The others are to know that this rank may end; then the sender is dropped.
     Bye(Sender<()>),
 }
 
@@ -134,7 +134,7 @@ impl Heartbeats {
     pub fn bye(&self) {
         let (done, is_done) = channel();
         if self.0.send(Event::Bye(done)).is_ok() {
-            // A watch that does not answer in time is not waited for.
+            // Nothing comes: its end is dropped.
             let _ = is_done.recv_timeout(SLOWEST);
         }
     }
@@ -303,8 +303,7 @@ impl Watch {
             Event::Bye(done) => {
                 self.said_bye = true;
                 self.say(Word::Bye);
-                // Without a receiver nobody waits any more.
-                let _ = done.send(());
+                drop(done);
             }
         }
     }
