@@ -84,7 +84,8 @@ fn run_to_frame(description: &SceneDescription, last: i64, [ranks, others]: [usi
     let simulate = |ranks: usize, from: Option<&(Snapshot, i64)>, stops: bool| {
         let work = |communicator| {
             let ranks = Ranks::new(communicator);
-            let scene = Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+            let scene =
+                Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
             let start = from.map_or(description.timeline.start, |(_, frame)| *frame);
             let input = FrameInput::to_frame(start);
             let mut simulation = match from {
