@@ -22,6 +22,7 @@ use crate::run::observer::Observer;
 use crate::run::options::RunOptions;
 use crate::run_record::manifest::{AttemptRecord, listed_files, listed_layers};
 use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
+use crate::shot::Shot;
 
 /// An earlier run in a folder.
 #[derive(Debug)]
@@ -176,4 +177,14 @@ pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     files.sort();
     files.dedup();
     files
+}
+
+/// An output that is an input of the same shot would be destroyed before it is read.
+pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
+    let real = |path: &PathBuf| fs::canonicalize(path).ok();
+    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
+    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
+        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
+        None => Ok(()),
+    }
 }

@@ -26,12 +26,10 @@ use crate::frame_digest::FrameDigests;
 use crate::long_frames::Watch;
 use crate::run::counted::{Counted, SoFar};
 use crate::run::dump::{self, Dump};
-use crate::run::folder::{Earlier, Held, files_of_run};
+use crate::run::folder::{Earlier, Held, files_of_run, refuse_inputs};
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{
-    From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs, refuse_inputs,
-};
+use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs};
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;

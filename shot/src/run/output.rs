@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::mesh::MeshStream;
@@ -537,16 +536,6 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
         writable.iter().map(cache).collect()
     };
     names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
-}
-
-/// An output that is an input of the same shot would be destroyed before it is read.
-pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
-    let real = |path: &PathBuf| fs::canonicalize(path).ok();
-    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
-    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
-        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
-        None => Ok(()),
-    }
 }
 
 fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
