@@ -16,6 +16,7 @@
 //! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
 
 mod groups;
+mod prescription;
 mod stage_arrays;
 mod tr_bdf2;
 mod unconverged;

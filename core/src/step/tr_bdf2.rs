@@ -21,14 +21,14 @@ use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::repulsion::pair_forces::note_solution;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
-use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
-use crate::solve::implicit_velocity::{PartForces, stop_held};
-use crate::solve::preconditioned_cg::{BlockSystem, Forcing, Projection};
+use crate::solve::implicit_velocity::PartForces;
+use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 use crate::state::State;
+use crate::step::prescription::Prescription;
 use crate::step::stage_arrays::StageArrays;
 use crate::step::unconverged::{PairsInTouch, parts_moved, parts_touched};
 use crate::step::{Prescribed, RepulsionPlace};
@@ -62,58 +62,6 @@ const EXTRAPOLATED: f64 = 0.04;
 /// A change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for what the first
 /// solve has left rather than for a wrong mode, over the tolerance of solves.
 const ROUGH: f64 = 10.0;
-
-/// What is prescribed in a stage.
-struct Prescription<'a> {
-    parts: &'a Parts,
-    pins: Option<&'a HardPins>,
-    targets: &'a PinTargets,
-    recovery_speed: RecoverySpeed,
-    held: &'a [u32],
-    active: &'a ActiveSet,
-}
-
-impl Prescription<'_> {
-    /// Gives the velocities that are prescribed.
-    fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
-        self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
-            let start = self.parts.ranges()[part].start;
-            self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));
-            if let Some(pins) = self.pins {
-                pins.set_velocities(part, start, self.targets, v.0);
-            }
-            stop_held(self.held, start, v.0);
-        });
-        self.parts.halo().update(self.parts.ranks(), v);
-    }
-
-    /// Gives the positions that are prescribed at a fraction of the step that began at `x`.
-    fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
-        self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
-            let range = self.parts.ranges()[part].clone();
-            for contact in self.active.of_part(part) {
-                let carried = x[contact.vertex] + contact.carried * fraction;
-                contact.prescribe(&mut x_stage.0[contact.vertex - range.start], &carried);
-            }
-            if let Some(pins) = self.pins {
-                let (start, speed) = (range.start, self.recovery_speed);
-                pins.set_stage_positions(part, start, self.targets, speed, fraction, (&x[range], x_stage.0));
-            }
-        });
-        self.parts.halo().update(self.parts.ranks(), x_stage);
-    }
-}
-
-impl Projection for Prescription<'_> {
-    fn project(&self, part: usize, r: &mut [Vec3]) {
-        let start = self.parts.ranges()[part].start;
-        self.active.project(part, start, r);
-        if let Some(pins) = self.pins {
-            pins.project(part, start, self.targets, r);
-        }
-        stop_held(self.held, start, r);
-    }
-}
 
 /// A step as its stages see it.
 #[derive(Clone, Copy)]

@@ -36,6 +36,11 @@ def test_what_a_run_writes_is_what_a_simulation_has(tmp_path: Path, extension: s
     assert cache.fps == 24 and mesh.frames == [1, 2, 3, 4, 5, 6] and mesh.point_count == 25 and "metres" in cache.units
     assert np.array_equal(mesh.faces.corners, simulation.faces().corners) and mesh.triangles.shape == (32, 3)
     assert "frames 1 to 6" in repr(cache) and mesh.read().shape == (6, 25, 3)
+    assert len(mesh) == 6 and 6 in mesh and 7 not in mesh and np.array_equal(mesh[6], mesh.positions(6))
+    assert len(cache) == 1 and [found.name for found in cache] == [mesh.name] and cache[mesh.name].name == mesh.name
+    assert cache[mesh.name.rpartition("/")[2]].name == mesh.name
+    with pytest.raises(drapery.UsageError, match="no mesh has this name"):
+        cache["skirt"]
     for frame, positions in mesh:
         simulation.advance_to(frame)
         velocities = mesh.velocities(frame)

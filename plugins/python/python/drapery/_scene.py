@@ -6,7 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any, Union
@@ -79,7 +79,7 @@ class Frame:
     """At the frame [J]."""
     max_strain: float
     """Relative change of the length of the most stretched edge."""
-    counts: dict[str, int]
+    counts: dict[str, int] = field(repr=False)
     """What was counted, by the names of docs/reference/counts.md."""
 
 
@@ -118,7 +118,7 @@ class Report:
     """What all frames took [s]."""
     files: list[Path]
     """The caches."""
-    counts: dict[str, int]
+    counts: dict[str, int] = field(repr=False)
     """What was counted in all frames, by the names of docs/reference/counts.md."""
     exceeded: dict[str, int]
     """Counts that should have stayed zero, such as intersections in the caches."""
