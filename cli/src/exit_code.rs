@@ -11,7 +11,7 @@ pub(crate) enum ExitCode {
     Usage = FaultKind::Usage as u8,
     BadInput = FaultKind::BadInput as u8,
     MissingInput = FaultKind::MissingInput as u8,
-    #[cfg_attr(not(feature = "mpi"), expect(dead_code, reason = "there are no other ranks"))]
+    #[cfg_attr(not(feature = "mpi"), allow(dead_code, reason = "there are no other ranks"))]
     RankLost = 69,
     Internal = FaultKind::Internal as u8,
     NoMemory = FaultKind::NoMemory as u8,
