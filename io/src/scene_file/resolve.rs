@@ -366,12 +366,6 @@ impl Resolver<'_> {
         let scene = self.scene;
         let raw::EffectChoice { without, only } = &scene.document.effects;
         let here = Path::default().key("effects");
-        let is_written = here.find(&scene.root).as_table().is_some_and(|effects| effects.get("only").is_some());
-        if is_written && only.is_empty() {
-            let help = "name the effects that are to run, or leave `only` out to run all of them".to_owned();
-            self.error_with(&here.key("only"), "this list leaves no effect", help);
-            return;
-        }
         let (key, chosen) = match (without.is_empty(), only.is_empty()) {
             (true, true) => return,
             (false, true) => ("without", self.description.leave_out(without)),

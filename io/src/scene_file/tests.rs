@@ -502,7 +502,6 @@ fn times_words_and_lists_that_contradict_themselves_are_told_at_their_place() {
             format!("{SHEET}[output]\nformat = [\"h5\"]\nsamples = 3\n"),
             "there are no Alembic or USD caches that could hold samples between frames",
         ),
-        (format!("{SHEET}[effects]\nonly = []\n"), "this list leaves no effect"),
     ] {
         assert!(message(&text).contains(words), "{words}\n{}", message(&text));
     }
