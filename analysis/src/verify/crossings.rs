@@ -432,7 +432,7 @@ fn report_other_cuts(sheets: &[Sheet<'_>], (subject, tally): (Subject, &Tally), 
             }
             let advice =
                 "write the triangles that were simulated: faces = \"triangles\" under [output], or convert --triangles";
-            found.failures.push(format!("{who} {cut} {where_and_how}; {advice}"));
+            found.warnings.push(format!("{who} {cut} {where_and_how}; {advice}"));
         }
         Subject::Body(i) => {
             let advice = "a thicker body keeps the cloth clear of both diagonals";

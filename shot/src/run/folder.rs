@@ -44,6 +44,8 @@ impl Earlier {
         let path = folder.join(MANIFEST);
         let text = match input_file::text(&path) {
             Err(IoError::Missing { .. }) => return Ok(None),
+            // Below a file there can be no folder; making it says so.
+            Err(IoError::Read { source, .. }) if source.kind() == ErrorKind::NotADirectory => return Ok(None),
             text => text?,
         };
         let damaged = |place: String, what: String| {
