@@ -99,7 +99,10 @@ fn cloth_that_is_pulled_to_more_than_twice_its_length_is_named_and_counted_by_an
         };
         let alone = frames(1).remove(0);
         for count in [2, 3] {
-            assert!(frames(count).iter().all(|found| *found == alone), "{count} ranks");
+            let found = frames(count);
+            assert!(found.iter().all(|(found, _)| *found == alone.0), "{count} ranks");
+            // The first rank has the counts of all.
+            assert_eq!(found[0].1, alone.1, "{count} ranks");
         }
         let (found, counted) = alone;
         assert_eq!(found.is_some(), is_over, "{far}");

@@ -47,8 +47,8 @@ const U: f64 = W - 1.0;
 /// last is so for this step: it is put right in the next one.
 const MOST_ROUNDS: usize = 4;
 
-/// Most solves of a stage in which the last has left a pair unsettled ([`StageArrays::unsettled`]) or has ended above its tolerance. A
-/// step whose stages have not come nearer after all of them has gone wrong, and is taken back.
+/// Most solves of a stage in which the last has left a pair unsettled ([`StageArrays::unsettled`]). A step whose stages have not come
+/// nearer after all of them has gone wrong, and is taken back.
 const MOST_ROUNDS_OF_PAIRS: usize = 8;
 
 /// Fraction of what bodies give that may be wrong at the end of the first stage, of the second, and of that in B.5. What the
@@ -386,12 +386,9 @@ impl Stages<'_> {
                 self.arrays.unconverged.fill(false);
                 break;
             }
-            let mut moved = self.parts_moved(rough);
-            if !outcome.converged {
-                moved.iter_mut().zip(&self.arrays.unconverged).for_each(|(moved, solved)| *moved |= solved);
-            }
+            let moved = self.parts_moved(rough);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
-            let is_last = round >= MOST_ROUNDS && !is_unsettled && outcome.converged;
+            let is_last = round >= MOST_ROUNDS && !is_unsettled;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
                 if is_unsettled {
                     self.note_unsettled();
