@@ -54,7 +54,7 @@ impl Heart {
         let is_first = ranks.is_first();
         let tell = move |news| match news {
             News::Unreachable(others) if is_first => tracing::warn!(
-                "no heartbeats with {}: no connection over TCP comes about, as behind a firewall; the run goes on, but if such a \
+                "no heartbeats with {}: no connection over TCP comes about, as behind a firewall; the run continues, but if such a \
                  rank, its machine or the network to it is lost, it may wait for ever",
                 others.join(", ")
             ),
@@ -65,7 +65,9 @@ impl Heart {
             Ok(beats) => (Self(beats), refused),
             // As where no connection comes about.
             Err(error) => {
-                say::complaint(format_args!("no heartbeats: {error}; the run goes on, but a lost rank is not noticed"));
+                say::complaint(format_args!(
+                    "no heartbeats: {error}; the run continues, but a lost rank is not noticed"
+                ));
                 (Self(None), refused)
             }
         }

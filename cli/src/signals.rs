@@ -2,7 +2,7 @@
 //! on to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where
 //! a site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
 //!
-//! SIGHUP comes when a terminal closes or a connection breaks. It is obeyed unless the program was started to survive it (`nohup`).
+//! SIGHUP comes when a terminal closes or a connection breaks. It is obeyed unless the program was started to survive it (by nohup).
 //!
 //! Inputs that take minutes to read, and steps that take minutes, do not ask for requests. Where nothing was simulated yet, or a
 //! second signal came, the program ends without being asked after a while: as after SIGKILL, files are what they were at the last

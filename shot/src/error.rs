@@ -41,7 +41,7 @@ pub enum ShotError {
     /// The checkpoint that a run goes on from does not fit the shot as it is now.
     #[error(
         "{}: this checkpoint is of another shot: {what}\n  \
-         help: --resume-with-changes goes on with other numbers, and not with other meshes, garments or pins: start anew with \
+         help: --resume-with-changes continues with other numbers, and not with other meshes, garments or pins: start anew with \
          --overwrite, or choose another folder with --out",
         path.display()
     )]

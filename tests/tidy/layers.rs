@@ -46,10 +46,11 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 27] = [
+const IO_ROOMS: [&str; 28] = [
     "error",
     "input_file",
     "atomic_file",
+    "written_file",
     "units",
     "memory",
     "duration",
@@ -77,7 +78,7 @@ const IO_ROOMS: [&str; 27] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 23] = [
+const SHOT_ROOMS: [&str; 24] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -98,13 +99,14 @@ const SHOT_ROOMS: [&str; 23] = [
     "shot",
     "scene_source",
     "pinned",
+    "overstretched",
     "run",
     "steps",
     "session",
 ];
 
 /// The rooms of what is said of results.
-const ANALYSIS_ROOMS: [&str; 5] = ["page", "verify", "diff", "report", "study"];
+const ANALYSIS_ROOMS: [&str; 7] = ["page", "local_run", "bits", "verify", "diff", "report", "study"];
 
 /// Rooms whose files are one piece: an archive, its objects and their properties hold each other, so do the parts of a stage; behind a
 /// handle is an object of any kind, and all kinds make handles.

@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn steps_that_were_mended_are_told_apart_from_those_that_were_not() {
         let mut run = run(2);
-        let event = |rung: &str| serde_json::json!({"trouble": "solve diverged", "rung": rung, "garment": "skirt"});
+        let event = |level: &str| serde_json::json!({"trouble": "solve diverged", "rung": level, "garment": "skirt"});
         run.record.frames[0].counts.insert("retried_shorter".into(), 3);
         run.record.frames[0].recoveries = vec![event("retried_shorter")];
         let mended = page(&run);

@@ -80,9 +80,9 @@ pub(super) fn retries(run: &RunFolder) -> String {
 }
 
 /// What went wrong before something was tried, with how often events say it.
-fn troubles(run: &RunFolder, rung: &str) -> String {
+fn troubles(run: &RunFolder, level: &str) -> String {
     let mut found: BTreeMap<&str, (u64, &str)> = BTreeMap::new();
-    for event in run.record.frames.iter().flat_map(|row| &row.recoveries).filter(|event| event["rung"] == rung) {
+    for event in run.record.frames.iter().flat_map(|row| &row.recoveries).filter(|event| event["rung"] == level) {
         let (trouble, garment) = (event["trouble"].as_str(), event["garment"].as_str());
         let (amount, first) = found.entry(trouble.unwrap_or("unknown")).or_insert((0, ""));
         *amount += 1;

@@ -344,7 +344,7 @@ impl Watch {
 
     /// Hears the others; returns those that are lost.
     fn listen(&mut self, passed: Duration) -> Vec<Lost> {
-        let (mut told, mut is_late) = (Vec::new(), false);
+        let (mut reported, mut is_late) = (Vec::new(), false);
         for (rank, peer) in self.peers.iter_mut().enumerate() {
             let was_linked = !peer.links.is_empty();
             let mut is_heard = false;
@@ -354,7 +354,7 @@ impl Watch {
                     is_heard = true;
                     peer.said_bye |= word == Word::Bye;
                     if let Word::Lost(lost, how) = word {
-                        told.push((lost as usize, how));
+                        reported.push((lost as usize, how));
                     }
                 }
                 peer.is_known |= link.is_proven;
@@ -365,18 +365,18 @@ impl Watch {
             peer.silence = if is_heard || is_cut { Duration::ZERO } else { peer.silence + passed };
             is_late |= peer.is_lost(self.timeout, self.said_bye);
         }
-        if is_late || !told.is_empty() {
-            return self.all_lost(&told);
+        if is_late || !reported.is_empty() {
+            return self.all_lost(&reported);
         }
         Vec::new()
     }
 
     /// Those that are lost, and those that are as silent as ranks on the same machine would be; tells the others.
-    fn all_lost(&mut self, told: &[(usize, How)]) -> Vec<Lost> {
+    fn all_lost(&mut self, reported: &[(usize, How)]) -> Vec<Lost> {
         let mut lost = Vec::new();
         for (rank, peer) in self.peers.iter().enumerate() {
             let own = peer.is_lost(self.timeout / 2, self.said_bye).then(|| peer.how());
-            let how = own.or_else(|| told.iter().find(|(of, _)| *of == rank).map(|(_, how)| *how));
+            let how = own.or_else(|| reported.iter().find(|(of, _)| *of == rank).map(|(_, how)| *how));
             if let (Some(how), true) = (how, rank != self.hello.from as usize) {
                 let (ranks, name) = (self.peers.len(), peer.name.clone());
                 lost.push(Lost { rank, ranks, name, how, timeout: self.timeout });

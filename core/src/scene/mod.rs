@@ -244,7 +244,7 @@ pub const DEFAULT_THICKNESS: f64 = 0.0005;
 pub const LARGEST_THICKNESS: f64 = 1e3;
 
 /// Smallest and largest density that a scene may write [kg/m²].
-pub const SMALLEST_DENSITY: f64 = 1e-6;
+pub const SMALLEST_DENSITY: f64 = 1.0 / LARGEST_DENSITY;
 /// See [`SMALLEST_DENSITY`].
 pub const LARGEST_DENSITY: f64 = 1e6;
 

@@ -310,9 +310,8 @@ impl Simulation {
         let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
-        let frame = scene.description().timeline.start;
         Ok(Self {
-            frame,
+            frame: scene.description().timeline.start,
             cloth: Cloth { state, scratch },
             dynamics: Dynamics { forces, reaches_ghosts, filters, volumes, wind },
             prescribed: Prescribed { bodies, tracks, pins, targets, mobility },

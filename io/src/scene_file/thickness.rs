@@ -1,14 +1,13 @@
 //! The thickness of bodies that are meshes, where a scene does not say it.
 
-use drapery_core::geometry::coarseness::FaceSizes;
+use drapery_core::geometry::coarseness::{FaceSizes, Ridges};
 use drapery_core::mesh::MeshStream;
-use drapery_core::scene::SceneDescription;
+use drapery_core::scene::{BodyDescription, SceneDescription};
 
 use crate::garment_mesh::GarmentMesh;
 use crate::shot_description::BodyThickness;
 
 use super::SceneFile;
-use super::resolve::Resolver;
 use super::tree::{Node, Origin, Path, Value};
 
 /// Thicknesses are whole numbers of these parts of a metre.
@@ -17,31 +16,33 @@ const STEPS: f64 = 1e5;
 /// The key.
 const KEY: &str = "thickness";
 
-impl Resolver<'_> {
-    /// What the faces of each body and of the garments ask for; takes it where the scene says no thickness, and the fabrics are no
-    /// thicker. Garments are read once more, one after the other, where a body is a mesh.
-    pub(super) fn body_thickness(&mut self) -> Vec<Option<BodyThickness>> {
-        let ridges = std::mem::take(&mut self.ridges);
-        if ridges.iter().all(Option::is_none) {
-            return vec![None; ridges.len()];
-        }
-        // A garment that cannot be read is reported where it is handed out.
-        let sizes: Vec<f64> = self.garments.iter().filter_map(face_size).collect();
-        let mut found = Vec::new();
-        for (index, ridges) in ridges.into_iter().enumerate() {
-            let is_written = written(&self.scene.root, index);
-            found.push(ridges.map(|ridges| {
-                let needed = sizes.iter().map(|size| ridges.needed(*size)).fold(0.0, f64::max);
-                BodyThickness { needed: (needed * STEPS).ceil() / STEPS, is_written }
-            }));
-        }
-        for (body, found) in self.description.bodies.iter_mut().zip(&found) {
-            if let Some(BodyThickness { needed, is_written: false }) = found {
-                body.thickness = body.thickness.max(*needed);
-            }
-        }
-        found
+/// What the faces of each body and of the garments ask for; takes it where the scene says no thickness, and the fabrics are no
+/// thicker. `ridges` are those of the bodies that are meshes. Garments are read once more, one after the other, where there is one.
+pub(super) fn of_bodies(
+    root: &Node,
+    ridges: Vec<Option<Ridges>>,
+    garments: &[GarmentMesh],
+    bodies: &mut [BodyDescription],
+) -> Vec<Option<BodyThickness>> {
+    if ridges.iter().all(Option::is_none) {
+        return vec![None; ridges.len()];
     }
+    // A garment that cannot be read is reported where it is handed out.
+    let sizes: Vec<f64> = garments.iter().filter_map(face_size).collect();
+    let mut found = Vec::new();
+    for (index, ridges) in ridges.into_iter().enumerate() {
+        let is_written = written(root, index);
+        found.push(ridges.map(|ridges| {
+            let needed = sizes.iter().map(|size| ridges.needed(*size)).fold(0.0, f64::max);
+            BodyThickness { needed: (needed * STEPS).ceil() / STEPS, is_written }
+        }));
+    }
+    for (body, found) in bodies.iter_mut().zip(&found) {
+        if let Some(BodyThickness { needed, is_written: false }) = found {
+            body.thickness = body.thickness.max(*needed);
+        }
+    }
+    found
 }
 
 /// The scene with the thicknesses of bodies that were found.

@@ -1,6 +1,6 @@
 //! Numbers that change nothing because of another setting.
 
-use drapery_core::effects;
+use drapery_core::effects::{self, pressure, self_repulsion};
 use drapery_core::scene::{EffectRequest, Integrator, SolverSettings};
 use drapery_core::settings::{SettingValue, Settings};
 
@@ -15,29 +15,32 @@ struct Idle {
     line: &'static str,
 }
 
-const IDLE: [Idle; 3] = [
-    Idle {
-        effect: "self_repulsion",
-        keys: &["stiffness", "limit"],
-        when: |solver, repulsion| solver.integrator == Integrator::TrBdf2 && !repulsion.flag("per_collision_step"),
-        because: "with `tr_bdf2` layers repel each other as hard as they have to",
-        line: "the key only with integrator = \"semi_implicit\"",
-    },
-    Idle {
-        effect: "self_repulsion",
-        keys: &["edge_attraction"],
-        when: |_, repulsion| !repulsion.flag("attraction"),
-        because: "`attraction = false` pulls no pairs back",
-        line: "attraction = true, or leave it out",
-    },
-    Idle {
-        effect: "pressure",
-        keys: &["ambient"],
-        when: |_, pressure| !pressure.flag("gas"),
-        because: "without `gas` the pressure inside does not depend on the one outside",
-        line: "gas = true beside it",
-    },
-];
+/// All of them.
+fn idle_settings() -> [Idle; 3] {
+    [
+        Idle {
+            effect: self_repulsion::SPEC.name,
+            keys: &["stiffness", "limit"],
+            when: |solver, repulsion| solver.integrator == Integrator::TrBdf2 && !repulsion.flag("per_collision_step"),
+            because: "with `tr_bdf2` layers repel each other as hard as they have to",
+            line: "the key only with integrator = \"semi_implicit\"",
+        },
+        Idle {
+            effect: self_repulsion::SPEC.name,
+            keys: &["edge_attraction"],
+            when: |_, repulsion| !repulsion.flag("attraction"),
+            because: "`attraction = false` pulls no pairs back",
+            line: "attraction = true, or leave it out",
+        },
+        Idle {
+            effect: pressure::SPEC.name,
+            keys: &["ambient"],
+            when: |_, pressure| !pressure.flag("gas"),
+            because: "without `gas` the pressure inside does not depend on the one outside",
+            line: "gas = true beside it",
+        },
+    ]
+}
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let of_effects = facts.scene.effects.iter().flat_map(|request| of_effect(facts, request));
@@ -73,10 +76,12 @@ fn of_effect(facts: &Facts<'_>, request: &EffectRequest) -> Vec<Finding> {
             _ => None,
         }
     };
-    let idle = IDLE.iter().filter(|idle| idle.effect == spec.name && (idle.when)(&facts.scene.solver, &settings));
-    let keys = idle.flat_map(|idle| idle.keys.iter().map(move |key| (idle, *key)));
-    let written = keys.filter(|(_, key)| settings.optional(key) != usual(key));
-    written.map(|(idle, key)| finding(object.clone(), key, idle.because, idle.line)).collect()
+    let solver = &facts.scene.solver;
+    let of_effect = |idle: &Idle| idle.effect == spec.name && (idle.when)(solver, &settings);
+    let idle = idle_settings().into_iter().filter(of_effect);
+    let keys = idle.flat_map(|idle| idle.keys.iter().map(move |key| (*key, idle.because, idle.line)));
+    let written = keys.filter(|(key, ..)| settings.optional(key) != usual(key));
+    written.map(|(key, because, line)| finding(object.clone(), key, because, line)).collect()
 }
 
 fn of_bodies(facts: &Facts<'_>) -> Vec<Finding> {

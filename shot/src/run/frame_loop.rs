@@ -59,7 +59,7 @@ struct Run<'a> {
     /// Where the cloth after lines of the listings is written, if it is.
     dump: Option<Dump>,
     /// Objects of which it was said that they cross along other diagonals.
-    told: BTreeSet<(String, String, bool)>,
+    reported_cuts: BTreeSet<(String, String, bool)>,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
 }
@@ -188,8 +188,7 @@ impl<'a> Run<'a> {
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
         {
-            let set_aside = stale::attempt(out, attempt.number);
-            let removed = stale::prune(out, &fingerprint)?;
+            let (set_aside, removed) = (stale::attempt(out, attempt.number), stale::prune(out, &fingerprint)?);
             observer.note(format!(
                 "what is simulated again was set aside in {}{}",
                 set_aside.display(),
@@ -243,7 +242,7 @@ impl<'a> Run<'a> {
             counted,
             is_new,
             dump: None,
-            told: BTreeSet::new(),
+            reported_cuts: BTreeSet::new(),
             saved,
         })
     }
@@ -377,7 +376,7 @@ impl<'a> Run<'a> {
         line["other_diagonal"] = cuts.iter().map(OtherCut::to_json).collect();
         for cut in &cuts {
             let objects = (cut.garment.clone(), cut.other.clone(), cut.is_body);
-            if self.told.insert(objects) {
+            if self.reported_cuts.insert(objects) {
                 observer.note(format!("frame {frame}: {}\n  help: write {}", cut.in_words(), cut.line()));
             }
         }

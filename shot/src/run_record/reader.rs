@@ -352,8 +352,8 @@ pub(crate) fn recovery_line(row: &FrameRow) -> Option<String> {
         0 => String::new(),
         also => format!(", and {also} more such in this frame"),
     };
-    let rung = word("rung");
-    let done = RETRIES.iter().find(|(name, _)| *name == rung).map_or(rung, |(_, words)| *words);
+    let level = word("rung");
+    let done = RETRIES.iter().find(|(name, _)| *name == level).map_or(level, |(_, words)| *words);
     let is_marked = RETRIES.iter().any(|(name, _)| is_limit(name) && row.amount(name) > 0);
     let end = if is_marked { "" } else { "; in the end every step succeeded" };
     let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
