@@ -107,8 +107,9 @@ fn what_crosses_along_the_other_diagonal_alone_is_found_with_its_faces_and_told_
     assert!(clean.facts.iter().any(|fact| fact.starts_with(words)), "{:?}", clean.facts);
     let found = verified(&[Mesh::new("cloth", &[at(0.5), at(0.2)], faces)]);
     assert!(found.facts.iter().any(|fact| fact == "/cloth/shape: 3 triangles, no intersections in 2 frames"));
-    assert_eq!((found.failures.len(), found.warnings.len()), (0, 1));
-    let message = &found.warnings[0];
+    assert!(found.failures.is_empty(), "{:?}", found.failures);
+    let is_about_it = |text: &&String| text.contains("along the other diagonal");
+    let message = found.warnings.iter().find(is_about_it).expect("a warning");
     let expected = "/cloth/shape: the cloth intersects itself if faces are cut along the other diagonal, as renderers may do, in 1 \
                     of 2 frames";
     assert!(message.starts_with(expected) && message.contains("frame 1002, edge"), "{message}");
@@ -118,7 +119,7 @@ fn what_crosses_along_the_other_diagonal_alone_is_found_with_its_faces_and_told_
     );
     let triangles: (&[i32], &[i32]) = (&[3, 3, 3], &[0, 1, 2, 0, 2, 3, 4, 5, 6]);
     let cut = verified(&[Mesh::new("cloth", &[at(0.5), at(0.2)], triangles)]);
-    assert!(cut.failures.is_empty() && cut.warnings.is_empty(), "{:?}", cut.warnings);
+    assert!(cut.failures.is_empty() && !cut.warnings.iter().any(|text| is_about_it(&text)), "{:?}", cut.warnings);
 }
 
 fn joined(tips: &[f32]) -> Vec<Points> {

@@ -60,7 +60,7 @@ pub static RULES: [Rule; 19] = [
         finds: "a body that is a mesh and thinner than coarse faces need, so that it shows through the cloth",
         exactly: "Cloth is kept out at its vertices. What its faces and those of the body need over 95 % of the body's area in its \
                   first frame follows from their sizes and from the angles between the body's faces \
-                  ([bodies](scene.md#thickness-of-bodies)); nine tenths of it are enough. Silent where the scene says no thickness: then it \
+                  ([the scene file](scene.md)); nine tenths of it are enough. Silent where the scene says no thickness: then it \
                   is at least that.",
         line: "thickness = \"4 mm\"",
     },

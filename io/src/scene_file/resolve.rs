@@ -99,8 +99,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
     }
-    let ridges = std::mem::take(&mut resolver.ridges);
-    let bodies = &mut resolver.description.bodies;
+    let (ridges, bodies) = (std::mem::take(&mut resolver.ridges), &mut resolver.description.bodies);
     let body_thickness = thickness::of_bodies(&scene.root, ridges, &resolver.garments, bodies);
     for (index, seam) in document.seam.iter().enumerate() {
         resolver.seam(seam, &Path::default().key("seam").index(index));
