@@ -60,7 +60,7 @@ QUESTIONS = [
     # Numbers.
     ("self collision distance", "howto/layers"),
     ("collision margin", "howto/layers", "reference/scene"),
-    ("thickness", "howto/layers"),
+    ("thickness", "howto/layers", "reference/scene"),
     ("friction", "start/cloth_on_a_ball", "howto/layers", "howto/fabric", "reference/effects"),
     ("strain limit", "reference/effects"),
     ("gravity", "reference/effects"),

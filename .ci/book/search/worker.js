@@ -58,7 +58,7 @@ function stems(question) {
 function matches(stem, last) {
   const ask = (clause) => index.query((query) => query.term(stem, { usePipeline: false, ...clause }));
   let found = ask({});
-  if (last || !found.length) found = found.concat(ask({ wildcard: lunr.Query.wildcard.TRAILING, boost: BEGINNING }));
+  if (last || !found.length) found = found.concat(ask({ wildcard: lunr.Query.wildcard.TRAILING, boost: found.length ? 0.1 * BEGINNING : BEGINNING }));
   if (!found.length && stem.length > 4 && stem.length < 20) found = ask({ editDistance: 1, boost: MISSPELT });
   const scores = {};
   for (const { ref, score } of found) scores[ref] = Math.max(scores[ref] || 0, score);
