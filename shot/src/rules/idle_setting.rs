@@ -1,6 +1,6 @@
 //! Numbers that change nothing because of another setting.
 
-use drapery_core::effects::{self, pressure, self_repulsion};
+use drapery_core::effects::{self, self_repulsion};
 use drapery_core::scene::{EffectRequest, Integrator, SolverSettings};
 use drapery_core::settings::{SettingValue, Settings};
 
@@ -33,7 +33,7 @@ fn idle_settings() -> [Idle; 3] {
             line: "attraction = true, or leave it out",
         },
         Idle {
-            effect: pressure::SPEC.name,
+            effect: "pressure",
             keys: &["ambient"],
             when: |_, pressure| !pressure.flag("gas"),
             because: "without `gas` the pressure inside does not depend on the one outside",
