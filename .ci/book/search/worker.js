@@ -55,10 +55,10 @@ function stems(question) {
 }
 
 // What has the stem, with how well it fits: section -> score.
-function matches(stem, last) {
+function matches(stem) {
   const ask = (clause) => index.query((query) => query.term(stem, { usePipeline: false, ...clause }));
   let found = ask({});
-  if (last || !found.length) found = found.concat(ask({ wildcard: lunr.Query.wildcard.TRAILING, boost: found.length ? 0.1 * BEGINNING : BEGINNING }));
+  if (!found.length) found = ask({ wildcard: lunr.Query.wildcard.TRAILING, boost: BEGINNING });
   if (!found.length && stem.length > 4 && stem.length < 20) found = ask({ editDistance: 1, boost: MISSPELT });
   const scores = {};
   for (const { ref, score } of found) scores[ref] = Math.max(scores[ref] || 0, score);
@@ -69,7 +69,7 @@ function search(question) {
   // A name as it is written, such as self_collision or [garment.pin], is asked for itself.
   const name = /[_.]/.test(question) ? question.replace(/[[\]`\s]/g, "") : "";
   const asked = stems(question);
-  const all = asked.map((stem, i) => matches(stem, i === asked.length - 1));
+  const all = asked.map((stem) => matches(stem));
   const pages = {};
   all.forEach((scores, i) => {
     for (const [location, score] of Object.entries(scores)) {

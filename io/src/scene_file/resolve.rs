@@ -312,12 +312,6 @@ impl Resolver<'_> {
             let help = "write samples = 3 beside it, or leave it out".to_owned();
             self.error_with(&here, "nothing samples the shutter", help);
         }
-        let holds_samples = |format: &raw::Format| matches!(format, raw::Format::Abc | raw::Format::Usd);
-        if samples > 1 && !self.scene.document.output.format.iter().any(holds_samples) {
-            let here = Path::default().key("output").key("samples");
-            let help = "add \"abc\" or \"usd\" to output.format, or leave samples out".to_owned();
-            self.error_with(&here, "there are no Alembic or USD caches that could hold samples between frames", help);
-        }
     }
 
     /// One layer of caches that are not written.
