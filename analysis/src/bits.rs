@@ -137,7 +137,7 @@ impl<'a> BitsCheck<'a> {
         let Some(at) = self.alone.iter().zip(&found).enumerate().find_map(differs) else {
             let shorter = self.alone.len().min(found.len());
             let rest = self.alone.get(shorter).or(found.get(shorter));
-            return Ok(rest.map(|line| Difference { count: 0, ..other_lines(line) }));
+            return Ok(rest.map(other_lines));
         };
         let (alone, many) = (&self.alone[at], &found[at]);
         if (alone.line, alone.frame, alone.step) != (many.line, many.frame, many.step) {

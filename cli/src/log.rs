@@ -55,7 +55,7 @@ enum Place {
 /// A log. That it cannot be written is said at the end of the command: whoever writes to a log does not look at errors.
 #[derive(Debug)]
 struct LogFile {
-    /// As it is named in messages.
+    /// Name in messages.
     name: String,
     file: File,
 }

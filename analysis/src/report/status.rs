@@ -158,7 +158,7 @@ pub fn degradations(folder: &RunFolder) -> Vec<Degradation> {
     LIMITS.iter().filter_map(summed).collect()
 }
 
-/// How often steps that went wrong were tried again without leaving a mark in the result, and the first frame of it.
+/// Number of attempts that mended a step without leaving a mark in the result, and the first frame with one.
 pub fn retries(folder: &RunFolder) -> Option<(u64, i64)> {
     let mended = RETRIES.iter().map(|(name, _)| *name).filter(|name| !is_limit(name));
     let of_row = |row: &FrameRow| mended.clone().fold(0, |sum: u64, name| sum.saturating_add(row.amount(name)));

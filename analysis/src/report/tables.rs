@@ -44,7 +44,7 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
     section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
 }
 
-/// What was tried where steps went wrong; nothing where none did.
+/// Table of the attempts to mend steps that went wrong; empty without any.
 pub(super) fn retries(run: &RunFolder) -> String {
     let frames = &run.record.frames;
     let row = |&(name, words_of_it): &(&str, &str)| {
@@ -79,7 +79,7 @@ pub(super) fn retries(run: &RunFolder) -> String {
     section("Steps that went wrong", note, &heads, &rows)
 }
 
-/// What went wrong before something was tried, with how often events say it.
+/// Failures that led to a level of retries, with the number of events of each.
 fn troubles(run: &RunFolder, level: &str) -> String {
     let mut found: BTreeMap<&str, (u64, &str)> = BTreeMap::new();
     for event in run.record.frames.iter().flat_map(|row| &row.recoveries).filter(|event| event["rung"] == level) {

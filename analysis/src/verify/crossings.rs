@@ -231,15 +231,15 @@ enum Subject {
 #[derive(Default)]
 struct Tally {
     looked_at: usize,
-    /// Of the triangles that were simulated.
+    /// Crossings of the triangles that were simulated.
     simulated: Found,
-    /// Of another cut of a face.
+    /// Crossings that only another cut of a face has.
     other: Found,
     /// Whether any face has one.
     has_other_cuts: bool,
 }
 
-/// What crosses in all frames.
+/// Crossings of all frames.
 #[derive(Default)]
 struct Found {
     frames: usize,

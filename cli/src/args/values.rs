@@ -1,4 +1,4 @@
-//! What an argument may be, read from its text.
+//! Readers of arguments: each takes the text and returns the value.
 
 use std::time::Duration;
 

@@ -289,7 +289,7 @@ fn limits_kept(done: &str, exceeded: &[Exceeded], uncounted: &[[i64; 2]]) -> Res
     Err(Failure::new(ExitCode::QualityLimits, text))
 }
 
-/// What came of the run, where the caches are, and what to open; with `is_long` where the time went and what was counted, too.
+/// Summary of a run: limits, caches, and the file to open; with `is_long` also the seconds of stages and all counts.
 fn end_table(report: &RunReport, is_long: bool) -> String {
     let mut text = if is_long { stages_and_counts(report) } else { limits(&report.metrics) };
     let on = if report.ranks > 1 { format!(" on {} ranks", report.ranks) } else { String::new() };
@@ -313,7 +313,7 @@ fn limits(metrics: &Metrics) -> String {
     text
 }
 
-/// Where the time went (over ranks the mean, and the least and the most of one), and what was counted.
+/// Seconds of stages (mean, least and most over ranks), and all counts.
 fn stages_and_counts(report: &RunReport) -> String {
     let mut text = format!("{:<28} {:>10} {:>7} {:>9}", "stage", "seconds", "share", "calls");
     if report.ranks > 1 {
