@@ -39,6 +39,13 @@ pub const RETRIES: &[(&str, &str)] = &[
     ("retried_held", "tried again with the vertices concerned held in place"),
 ];
 
+/// Counts of what is less exact than the method, and what each of them means. A run names them, and `--strict` accepts them: shorter
+/// steps have fewer.
+pub const INEXACT: &[(&str, &str)] = &[(
+    "friction_unsettled",
+    "steps in which friction on bodies is not exact; solver.steps_per_frame makes them shorter",
+)];
+
 /// Whether a count is one that a result answers for.
 pub fn is_limit(name: &str) -> bool {
     LIMITS.iter().any(|(limit, _)| *limit == name)

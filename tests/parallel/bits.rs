@@ -424,6 +424,19 @@ fn the_implicit_step_on_a_deforming_ball() {
 }
 
 #[test]
+fn the_implicit_step_of_a_sheet_that_slides_over_a_spinning_ball() {
+    let mut description = cloth(0.2005);
+    description.solver.integrator = Integrator::TrBdf2;
+    description.garments[0].velocity = Vec3::new(1.0, -0.5, 0.0);
+    let motion = RigidMotion { angular_velocity: Vec3::z() * 3.0, ..RigidMotion::at(Vec3::zeros()) };
+    add_body(&mut description, BodyShape::Rigid(Shape::Sphere { radius: 0.2 }), motion, 0.4);
+    let shot = Shot { description, input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    assert!(summaries.iter().any(|summary| summary.metrics.counted("body_contacts") > 0), "it lies on the ball");
+    shot.has_the_same_bits_everywhere();
+}
+
+#[test]
 fn a_painted_sheet_that_is_blown_over_a_floor() {
     let mut description = cloth(0.003);
     description.garments[0].thickness = 0.002;

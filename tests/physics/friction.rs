@@ -1,11 +1,16 @@
 //! Coulomb friction on inclines, turntables, belts and capstans (`docs/theory/friction.md#tests-against-closed-forms`).
 
+use std::path::Path;
+
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
+use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{
     BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription,
 };
 use drapery_core::simulation::Simulation;
+use drapery_shot::scene_source::SceneSource;
+use drapery_shot::steps::SteppedShot;
 use drapery_tests::*;
 use nalgebra::{Unit, UnitQuaternion};
 
@@ -474,4 +479,37 @@ fn a_strip_over_a_cylinder_sticks_below_the_critical_ratio_and_slips_above() {
         assert!(below.abs() < 0.1 * slip, "mu {friction}: moved {below} m at 0.99 of the critical ratio");
         assert!(above > 0.9 * slip, "mu {friction}: moved {above} m of {slip} m at 1.01 of the critical ratio");
     }
+}
+
+/// Way of the left end of the sample's strap between frames 24 and 60 [m]: its pull is the same from then on, and the right end's
+/// grows by `ratio`.
+fn way_of_the_left_end(ratio: &str) -> f64 {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sample_assets/scenes/capstan.toml");
+    let mut source = SceneSource::file(file);
+    let settings = [("resolution", "5"), ("ratio", ratio), ("solver.preset", "production")];
+    source.settings = settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let description = source.read().unwrap_or_else(|e| panic!("{e}")).resolve().unwrap_or_else(|e| panic!("{e:?}"));
+    let left: Vec<usize> = {
+        let points = &description.scene.garments[0].mesh.points;
+        (0..points.len()).filter(|vertex| points[*vertex].x < -0.2999).collect()
+    };
+    let mut shot = SteppedShot::start(&Ranks::default(), description, 1).unwrap_or_else(|e| panic!("{e}"));
+    let mut height_after = |frames: usize| {
+        for _ in 0..frames {
+            shot.next_frame(&mut || false).unwrap_or_else(|e| panic!("{e}")).expect("no request to stop");
+        }
+        let x = positions(shot.simulation());
+        left.iter().map(|vertex| x[*vertex].y).sum::<f64>() / left.len() as f64
+    };
+    let before = height_after(24);
+    height_after(36) - before
+}
+
+#[test]
+fn a_strap_holds_on_the_samples_cylinder_in_long_steps() {
+    // Critical: 2.57. Its vertices are off the cylinder after each step in which they slide.
+    let held = way_of_the_left_end("2.0");
+    assert!(held.abs() < 5e-4, "moved by {held} m");
+    let slipped = way_of_the_left_end("3.0");
+    assert!(slipped.abs() > 0.05, "moved by {slipped} m");
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use drapery_io::input_file;
-use drapery_shot::quality::RETRIES;
+use drapery_shot::quality::{INEXACT, RETRIES};
 use drapery_shot::run_record::RESOLVED;
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
@@ -17,10 +17,12 @@ const SCENE_LETTERS: usize = 60_000;
 
 /// Counts that should be zero and are not.
 pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
+    let inexact = inexact(run);
     if found.is_empty() {
-        return "<section><h2>Degradations</h2><div class=\"card\"><p class=\"none\">None: every limit is kept in every \
-                frame.</p></div></section>\n"
-            .to_owned();
+        return format!(
+            "<section><h2>Degradations</h2><div class=\"card\"><p class=\"none\">None: every limit is kept in every \
+             frame.</p>{inexact}</div></section>\n"
+        );
     }
     let frames = run.record.frames.len().max(1);
     let row = |found: &Degradation| {
@@ -41,7 +43,17 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
         number("first frame"),
         number("worst frame"),
     ];
-    section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
+    section("Degradations", &inexact, &heads, &found.iter().map(row).collect::<Vec<_>>())
+}
+
+/// A sentence for each count of [`INEXACT`] that is not zero.
+fn inexact(run: &RunFolder) -> String {
+    let sentence = |&(name, meaning): &(&str, &str)| {
+        let total = run.record.frames.iter().fold(0, |sum: u64, row| sum.saturating_add(row.amount(name)));
+        let text = format!("<p><code>{name}</code> {}: {}.</p>", text::count(total), escape(meaning));
+        (total > 0).then_some(text)
+    };
+    INEXACT.iter().filter_map(sentence).collect()
 }
 
 /// Table of the attempts to mend steps that went wrong; empty without any.

@@ -8,7 +8,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_shot::farm::command_line::quoted;
 use drapery_shot::farm::stop::{Reason, Signal, StopRequests};
-use drapery_shot::quality::{self, Exceeded, LIMITS};
+use drapery_shot::quality::{self, Exceeded, INEXACT, LIMITS};
 use drapery_shot::run::{Bundle, DUMPS, FrameReport, Observer, Outcome, RunOptions, RunReport};
 use drapery_shot::run_record::reader::in_words;
 
@@ -300,7 +300,7 @@ fn end_table(report: &RunReport, is_long: bool) -> String {
     text + &files.chain(layers).collect::<Vec<_>>().join("\n")
 }
 
-/// Counts that should stay zero: in a line those that did, and each that did not.
+/// Counts that should stay zero: in a line those that did, and each that did not. Then what is not exact.
 fn limits(metrics: &Metrics) -> String {
     let counted = |name: &str| metrics.counts().iter().find(|(known, _)| known == name).map(|(_, amount)| *amount);
     let watched = LIMITS.iter().filter_map(|(name, _)| Some((*name, counted(name)?)));
@@ -310,7 +310,9 @@ fn limits(metrics: &Metrics) -> String {
         let names: Vec<&str> = kept.iter().map(|(name, _)| *name).collect();
         text += &format!("{:<28} {:>10}\n", names.join(", "), 0);
     }
-    text
+    let inexact = INEXACT.iter().filter_map(|(name, meaning)| Some((name, counted(name)?, meaning)));
+    let lines = inexact.filter(|(_, amount, _)| *amount > 0);
+    text + &lines.map(|(name, amount, meaning)| format!("{name:<28} {amount:>10}  {meaning}\n")).collect::<String>()
 }
 
 /// Seconds of stages (mean, least and most over ranks), and all counts.

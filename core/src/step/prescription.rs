@@ -38,8 +38,8 @@ impl Prescription<'_> {
         self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
             let range = self.parts.ranges()[part].clone();
             for contact in self.active.of_part(part) {
-                let carried = x[contact.vertex] + contact.carried * fraction;
-                contact.prescribe(&mut x_stage.0[contact.vertex - range.start], &carried);
+                let value = &mut x_stage.0[contact.vertex - range.start];
+                contact.prescribe_position(value, &x[contact.vertex], fraction);
             }
             if let Some(pins) = self.pins {
                 let (start, speed) = (range.start, self.recovery_speed);

@@ -15,7 +15,7 @@ use super::Step;
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::Bodies;
-use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Trust};
+use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Judges, StageEnd, StartOfContact, Trust};
 use crate::contact::bodies::collision::CollisionStep;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::repulsion::pair_forces::note_solution;
@@ -51,7 +51,7 @@ const MOST_ROUNDS: usize = 4;
 /// nearer after all of them has gone wrong, and is taken back.
 const MOST_ROUNDS_OF_PAIRS: usize = 8;
 
-/// Fraction of what bodies give that may be wrong at the end of the first stage, of the second, and of that in B.5. What the
+/// Share of the reactions of bodies that may be beyond Coulomb's law at the end of the first stage, the second, and B.5. What the
 /// earlier ones leave is looked at again in the later.
 const SETTLED: [f64; 3] = [0.1, 0.05, 0.01];
 
@@ -187,7 +187,9 @@ impl Stages<'_> {
         // Newton's second law says what bodies gave at the end of the step before.
         let given = |vertex: usize| {
             let own = vertex - at.parts.own().start;
-            (at.start.a[vertex] * at.masses[vertex] - self.arrays.f[own] - repelled[own], at.masses[vertex])
+            let (acceleration, mass) = (at.start.a[vertex], at.masses[vertex]);
+            let force = acceleration * mass - self.arrays.f[own] - repelled[own];
+            StartOfContact { force, doubt: at.stop.tolerance * mass / at.dt, acceleration }
         };
         let changed = active.expect(at.dt, GAMMA * at.dt, given);
         if at.parts.ranks().any(changed) {
@@ -388,7 +390,8 @@ impl Stages<'_> {
             }
             let moved = self.parts_moved(rough);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
-            let is_last = round >= MOST_ROUNDS && !is_unsettled;
+            let is_exact = stage != Stage::SecondAgain || active.is_settled();
+            let is_last = round >= MOST_ROUNDS && !is_unsettled && is_exact;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
                 if is_unsettled {
                     self.note_unsettled();
@@ -403,6 +406,24 @@ impl Stages<'_> {
         }
         self.arrays.active = active;
         total
+    }
+
+    /// Stops vertices whose slip has turned round in a stage, and catches those that have come back into the body that had let them go.
+    fn turn(&mut self, stage: Stage, active: &mut ActiveSet) {
+        let (at, StageArrays { x, v, .. }) = (self.at, &mut *self.arrays);
+        // A vertex that stops within the step may move back at its end. Its displacement says where Coulomb's law leaves it.
+        let judges = if stage == Stage::Second { Judges::Positions } else { Judges::Velocities };
+        let (start, fraction, dt) = (&*at.start.x, stage.fraction(), at.dt);
+        let alpha = (stage != Stage::SecondAgain).then_some(ALPHA * dt);
+        let any = active.turn(&StageEnd { start, fraction, dt, alpha, judges }, x, v);
+        if at.parts.ranks().any(any) {
+            // Pins decide where both hold.
+            let prescription = at.with(active);
+            prescription.set_velocities(v, |_, _| ());
+            if alpha.is_some() {
+                prescription.set_positions(fraction, start, x);
+            }
+        }
     }
 
     /// Notes that pairs of the stage are unsettled, and their own vertices.
@@ -420,6 +441,7 @@ impl Stages<'_> {
     fn go_on(&mut self, stage: Stage, active: &mut ActiveSet, moved: Vec<bool>, rough: Option<f64>) {
         let (at, alpha) = (self.at, ALPHA * self.at.dt);
         let touched = self.parts_touched(active);
+        self.turn(stage, active);
         // What contacts bear has changed where they were solved for.
         let solved = &mut self.arrays.unconverged;
         for ((solved, moved), touched) in solved.iter_mut().zip(&moved).zip(&touched) {
@@ -496,6 +518,10 @@ impl Step<'_> {
             report.add(outcome, "B.5", (parts, metrics), || arrays.cg.unsolved(parts, settings.stop));
             arrays.report_unsettled(report);
         }
+        if self.contacts.bodies.is_some() {
+            let is_wrong = self.cloth.scratch.stages.as_ref().is_some_and(|stages| stages.active.is_wrong());
+            self.metrics.count_once(parts.ranks(), "friction_unsettled", u64::from(is_wrong));
+        }
         if let Some(contact) =
             self.contacts.cloth.as_ref().filter(|_| self.settings.variants.self_repulsion == RepulsionPlace::Solves)
         {
@@ -520,6 +546,8 @@ impl Step<'_> {
         if let Some(arrays) = &self.cloth.scratch.stages {
             let stages = arrays.v.iter().zip(&arrays.v_first);
             a.iter_mut().zip(stages).for_each(|(a, (end, first))| *a = (end - first) * over);
+            // A vertex that B.4 has caught has fallen freely in the first stage. Its change between the stages is an impact.
+            arrays.active.prescribe_accelerations(a, self.settings.dt);
         }
         self.parts.halo().update(self.parts.ranks(), a);
     }

@@ -6,8 +6,9 @@
 //!
 //! ```text
 //! sticks   goes with the body's material                   right while J_n >= 0, |J_t| <= mu J_n
-//! slips    goes with the body along its normal alone       right while J_n >= 0; feels mu J_n against its slip
-//! free                                                     for the rest of the stage
+//! slips    goes with the body along its normal alone       right while J_n >= 0 and it slips; feels mu J_n against its slip
+//! stops    slid, and has the body's velocity at the end    right while J_n >= 0, |J_t| <= mu J_n
+//! free                                                     right while it stays outside
 //! ```
 //!
 //! Modes that were wrong are changed and the solve goes on from where it was.
@@ -19,6 +20,9 @@ use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::parallel::parts::Parts;
 use crate::tolerances::{NO_DIRECTION, STANDARD_GRAVITY};
 
+/// Share of the reactions of bodies that may be beyond Coulomb's law at the end of a step without being counted.
+const WRONG: f64 = 0.02;
+
 /// What a vertex does on the bodies that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ContactMode {
@@ -26,6 +30,8 @@ pub(crate) enum ContactMode {
     Sticks,
     /// It slides; the unit direction of the friction that it feels.
     Slips(Vec3),
+    /// It has slid in the step, or has come to the body in it, and has the body's velocity at the end of the stage.
+    Stops,
     /// It leaves.
     Free,
 }
@@ -39,6 +45,10 @@ pub(crate) struct ActiveContact {
     pub normals: [Option<Vec3>; MAX_BODY_CONTACTS],
     /// How far the body carries the vertex in the step [m].
     pub carried: Vec3,
+    /// How far it has to go besides to lie on the body where it is expected at the end of the step, along the normals [m].
+    closing: Vec3,
+    /// Whether it begins the step a little off the body: it rests on it only if the body bore it before.
+    is_apart: bool,
     /// Velocity of the body there at the end of the step [m/s].
     pub velocity: Vec3,
     /// Coefficient of friction.
@@ -50,6 +60,8 @@ pub(crate) struct ActiveContact {
     /// Friction that the present solve was given, and what the body gave the vertex before it [N s].
     applied: Vec3,
     earlier: Vec3,
+    /// By how much the velocity was changed when the mode was last found to be wrong because of it [m/s], until that is judged.
+    turned: Option<Vec3>,
 }
 
 /// The contacts of a rank's own vertices, ascending, as they are in the present stage.
@@ -58,6 +70,9 @@ pub struct ActiveSet {
     contacts: Vec<ActiveContact>,
     /// First contact of each part, and their number at the end.
     rows: Vec<usize>,
+    /// See [`ActiveSet::is_settled`] and [`ActiveSet::is_wrong`].
+    unsettled: bool,
+    wrong: bool,
 }
 
 impl ActiveContact {
@@ -71,12 +86,15 @@ impl ActiveContact {
             vertex,
             normals: [None; MAX_BODY_CONTACTS],
             carried,
+            closing: Vec3::zeros(),
+            is_apart: false,
             velocity,
             friction,
             slip,
             mode,
             applied: Vec3::zeros(),
             earlier: Vec3::zeros(),
+            turned: None,
         }
     }
 
@@ -88,40 +106,58 @@ impl ActiveContact {
         self
     }
 
-    /// The directions in which the contact prescribes the motion, orthonormal.
-    fn directions(&self) -> ([Vec3; 3], usize) {
-        let mut found = [Vec3::zeros(); 3];
-        let count = match self.mode {
-            ContactMode::Free => 0,
-            ContactMode::Sticks => {
-                found = [Vec3::x(), Vec3::y(), Vec3::z()];
-                3
+    /// Brings it to a body, along its normal [m]; `is_apart` says that it begins the step off the body.
+    pub(crate) fn closing(mut self, normal: &Vec3, distance: f64, is_apart: bool) -> Self {
+        self.closing += normal * (distance - self.closing.dot(normal));
+        self.is_apart = is_apart;
+        self
+    }
+
+    /// The normals, orthonormal, and their number.
+    fn directions(&self) -> ([Vec3; MAX_BODY_CONTACTS], usize) {
+        let mut found = [Vec3::zeros(); MAX_BODY_CONTACTS];
+        let mut count = 0;
+        for normal in self.normals.iter().flatten() {
+            let free = found[..count].iter().fold(*normal, |n, other| n - other * n.dot(other));
+            if let Some(free) = free.try_normalize(f64::EPSILON.sqrt()) {
+                found[count] = free;
+                count += 1;
             }
-            ContactMode::Slips(_) => {
-                let mut count = 0;
-                for normal in self.normals.iter().flatten() {
-                    let free = found[..count].iter().fold(*normal, |n, other| n - other * n.dot(other));
-                    if let Some(free) = free.try_normalize(f64::EPSILON.sqrt()) {
-                        found[count] = free;
-                        count += 1;
-                    }
-                }
-                count
-            }
-        };
+        }
         (found, count)
     }
 
-    /// Replaces what the contact prescribes of a vector.
-    pub(crate) fn prescribe(&self, value: &mut Vec3, prescribed: &Vec3) {
-        if self.mode == ContactMode::Sticks {
-            *value = *prescribed;
-            return;
-        }
+    fn prescribe_along_normals(&self, value: &mut Vec3, prescribed: &Vec3) {
         let (directions, count) = self.directions();
         for direction in &directions[..count] {
             *value += direction * (prescribed - *value).dot(direction);
         }
+    }
+
+    /// Replaces what the contact prescribes of a velocity.
+    pub(crate) fn prescribe(&self, value: &mut Vec3, prescribed: &Vec3) {
+        match self.mode {
+            ContactMode::Free => {}
+            ContactMode::Sticks | ContactMode::Stops => *value = *prescribed,
+            ContactMode::Slips(_) => self.prescribe_along_normals(value, prescribed),
+        }
+    }
+
+    /// Replaces what the contact prescribes of a position at a fraction of the step that the vertex begins at `start` [m].
+    pub(crate) fn prescribe_position(&self, value: &mut Vec3, start: &Vec3, fraction: f64) {
+        match self.mode {
+            ContactMode::Free => {}
+            ContactMode::Sticks => *value = start + self.carried * fraction,
+            ContactMode::Slips(_) | ContactMode::Stops => {
+                self.prescribe_along_normals(value, &(start + (self.carried + self.closing) * fraction));
+            }
+        }
+    }
+
+    /// Whether a vertex that was let go is inside the body at a fraction of the step, by where that was to hold it.
+    fn is_inside(&self, place: &Vec3, start: &Vec3, fraction: f64) -> bool {
+        let off = place - (start + (self.carried + self.closing) * fraction);
+        self.normals.iter().flatten().any(|normal| off.dot(normal) < 0.0)
     }
 
     /// Velocity of the body at a fraction of a step of `dt` [s], which its mean and that of the end say [m/s].
@@ -135,7 +171,7 @@ impl ActiveContact {
     pub(crate) fn start_velocity(&self, v: Vec3, body: &Vec3) -> Vec3 {
         let mut relative = v - body;
         match self.mode {
-            ContactMode::Free => {}
+            ContactMode::Free | ContactMode::Stops => {}
             ContactMode::Sticks => {
                 let [first, second] = &self.normals;
                 let along = |normal: &Vec3| normal * relative.dot(normal).max(0.0);
@@ -151,15 +187,23 @@ impl ActiveContact {
         body + relative
     }
 
-    /// Takes `force`, what the body gave the vertex of this mass [kg] at the start of a step of `dt` [s], for what it gives in
-    /// it [N]: the mode, and the friction of a stage of the length `duration` [s]. A body that gave nothing is still to be met.
-    fn expect(&mut self, force: &Vec3, mass: f64, dt: f64, duration: f64) {
-        let (push, _) = self.split(force);
+    /// Takes what the body gave the vertex at the start of a step of `dt` [s] for what it gives in it: the mode, and the friction of
+    /// a stage of the length `duration` [s]. A body that gave nothing is still to be met, by what is apart from it.
+    fn expect(&mut self, before: &StartOfContact, dt: f64, duration: f64) {
+        let (push, _) = self.split(&before.force);
+        if push <= if self.is_apart { before.doubt } else { 0.0 } {
+            self.mode = if self.is_apart { ContactMode::Free } else { self.mode };
+            return;
+        }
         let (most, speed) = (self.friction * push, self.slip.norm());
         if most <= 0.0 {
             return;
         }
-        self.mode = if speed <= NO_DIRECTION || speed * mass <= 0.5 * most * dt {
+        // What slows down so fast that it comes to rest within half the step. How far one vertex could be stopped by its own
+        // friction says nothing of cloth that is one piece.
+        let of_body = (self.velocity - self.carried / dt) * (2.0 / dt);
+        let slower = -(before.acceleration - of_body).dot(&self.slip) / speed;
+        self.mode = if speed <= NO_DIRECTION || speed <= 0.5 * slower * dt {
             ContactMode::Sticks
         } else {
             ContactMode::slips(-self.slip)
@@ -167,6 +211,32 @@ impl ActiveContact {
         if let ContactMode::Slips(against) = self.mode {
             self.applied = against * (most * duration);
         }
+    }
+
+    /// Gives a vertex at `x` with `v`, where a solve of a stage has come to, another mode if it has turned round, or has come back into
+    /// the body.
+    fn turn(&mut self, at: &StageEnd<'_>, (start, x, v): (&Vec3, &mut Vec3, &mut Vec3)) -> bool {
+        let body = self.velocity_at(at.fraction, at.dt);
+        let mode = match self.mode {
+            ContactMode::Slips(against) if at.judges == Judges::Positions => {
+                let slid = *x - (start + self.carried * at.fraction);
+                (slid.dot(&against) > 0.0).then_some(ContactMode::Sticks)
+            }
+            ContactMode::Slips(against) => ((*v - body).dot(&against) > 0.0).then_some(ContactMode::Stops),
+            ContactMode::Free => {
+                (at.alpha.is_some() && self.is_inside(x, start, at.fraction)).then_some(ContactMode::Stops)
+            }
+            ContactMode::Sticks | ContactMode::Stops => None,
+        };
+        let Some(mode) = mode else { return false };
+        let change = body - *v;
+        (self.mode, self.applied, self.turned) = (mode, Vec3::zeros(), Some(change));
+        *v = body;
+        if let Some(alpha) = at.alpha {
+            *x += change * alpha;
+            self.prescribe_position(x, start, at.fraction);
+        }
+        true
     }
 
     /// The mode and the friction [N s] that fit what a solve has left at the vertex [N s], known to within `doubt` [N s], and by how
@@ -179,11 +249,12 @@ impl ActiveContact {
         let mode = match self.mode {
             _ if push < -doubt => ContactMode::Free,
             ContactMode::Sticks if rest.norm() > most + doubt => ContactMode::slips(rest),
+            ContactMode::Stops if rest.norm() > most + doubt => ContactMode::slips(rest),
             mode => mode,
         };
         let (applied, difference) = match mode {
             ContactMode::Free => (Vec3::zeros(), reaction),
-            ContactMode::Sticks => (Vec3::zeros(), Vec3::zeros()),
+            ContactMode::Sticks | ContactMode::Stops => (Vec3::zeros(), Vec3::zeros()),
             ContactMode::Slips(against) => {
                 let applied = against * most;
                 (applied, applied - if mode == self.mode { self.applied } else { rest })
@@ -216,6 +287,41 @@ pub(crate) struct Trust<'a> {
     pub masses: &'a [f64],
     /// Fraction of all that bodies give by which it may be wrong.
     pub settled: f64,
+}
+
+/// What is known of a contact at the start of a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StartOfContact {
+    /// What the body gave the vertex [N], and below what that is nothing.
+    pub force: Vec3,
+    /// See `force` [N].
+    pub doubt: f64,
+    /// How the vertex got faster [m/s²].
+    pub acceleration: Vec3,
+}
+
+/// What shows that a slip has turned round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Judges {
+    /// The velocity at the end of the stage.
+    Velocities,
+    /// The way since the start of the step.
+    Positions,
+}
+
+/// The end of a stage, as contacts see it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StageEnd<'a> {
+    /// Positions of the local vertices at the start of the step [m].
+    pub start: &'a [Vec3],
+    /// Where it is, as a fraction of the step.
+    pub fraction: f64,
+    /// Length of the step [s].
+    pub dt: f64,
+    /// What velocities weigh in positions [s]; `None` where these are given.
+    pub alpha: Option<f64>,
+    /// What shows that a slip has turned round.
+    pub judges: Judges,
 }
 
 /// What the reaction of a contact says of it.
@@ -267,17 +373,45 @@ impl ActiveSet {
         }
     }
 
-    /// The first guess of a step of `dt` [s], from what bodies gave at its start: `force` of a vertex [N] with its mass [kg], and
-    /// for the friction of a stage of the length `duration` [s]. Returns whether a mode has changed.
-    pub(crate) fn expect(&mut self, dt: f64, duration: f64, force: impl Fn(usize) -> (Vec3, f64)) -> bool {
+    /// The first guess of a step of `dt` [s], from what `before` says of the vertices of contacts at its start, and for the friction of
+    /// a stage of the length `duration` [s]. Returns whether a mode has changed.
+    pub(crate) fn expect(&mut self, dt: f64, duration: f64, before: impl Fn(usize) -> StartOfContact) -> bool {
         let mut changed = false;
         for contact in &mut self.contacts {
-            let before = contact.mode;
-            let (force, mass) = force(contact.vertex);
-            contact.expect(&force, mass, dt, duration);
-            changed |= contact.mode != before;
+            let mode = contact.mode;
+            contact.expect(&before(contact.vertex), dt, duration);
+            changed |= contact.mode != mode;
         }
         changed
+    }
+
+    /// Changes the modes that positions and velocities of a stage show to be wrong, and puts what has stopped to rest on its body.
+    /// Returns whether there was any.
+    pub(crate) fn turn(&mut self, at: &StageEnd<'_>, x: &mut [Vec3], v: &mut [Vec3]) -> bool {
+        let mut any = false;
+        for contact in &mut self.contacts {
+            let vertex = contact.vertex;
+            any |= contact.turn(at, (&at.start[vertex], &mut x[vertex], &mut v[vertex]));
+        }
+        any
+    }
+
+    /// Replaces the accelerations at the end of a step of `dt` [s] along the normals of bodies by those of the bodies.
+    pub(crate) fn prescribe_accelerations(&self, a: &mut [Vec3], dt: f64) {
+        for contact in self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free) {
+            let of_body = (contact.velocity - contact.carried / dt) * (2.0 / dt);
+            contact.prescribe_along_normals(&mut a[contact.vertex], &of_body);
+        }
+    }
+
+    /// Whether the last update found reactions of which more than [`WRONG`] is beyond Coulomb's law; the same on all ranks.
+    pub(crate) fn is_wrong(&self) -> bool {
+        self.wrong
+    }
+
+    /// Whether the last update found what bodies give to be what they can give; the same on all ranks.
+    pub(crate) fn is_settled(&self) -> bool {
+        !self.unsettled
     }
 
     /// Changes the modes that the reactions of a solve show to be wrong, and the friction of what slides.
@@ -301,6 +435,11 @@ impl ActiveSet {
                 part += 1;
             }
             let residual = &mut residual[contact.vertex - first];
+            if let Some(change) = contact.turned.take() {
+                // What the body gives here is not known before it was solved for.
+                differences[part] += (change * trust.masses[contact.vertex]).norm_squared();
+                continue;
+            }
             let judgement = contact.judge(residual, trust.tolerance * trust.masses[contact.vertex]);
             differences[part] += judgement.difference;
             sizes[part] += judgement.size;
@@ -316,6 +455,8 @@ impl ActiveSet {
         let [difference, size] = parts.join_parts(&[&differences, &sizes]);
         let most = trust.settled * trust.settled;
         let is_settled = difference <= most * size;
+        self.unsettled = !is_settled;
+        self.wrong = difference > WRONG * WRONG * size;
         let of_parts = differences.iter().zip(&sizes);
         of_parts.map(|(difference, size)| !is_settled && *difference > most * size).collect()
     }
@@ -323,8 +464,10 @@ impl ActiveSet {
     /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already
     /// [N s].
     pub(crate) fn begin_stage(&mut self, share: f64, earlier: impl Fn(usize) -> Vec3) {
+        (self.unsettled, self.wrong) = (false, false);
         for contact in &mut self.contacts {
             contact.applied *= share;
+            contact.turned = None;
             contact.earlier = earlier(contact.vertex);
         }
     }
