@@ -14,6 +14,7 @@ mod analysis;
 mod arrays;
 mod caches;
 mod errors;
+mod files;
 mod on_thread;
 mod scene;
 mod simulation;
@@ -53,6 +54,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(analysis::make_study, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::study_of, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::list_materials, module)?)?;
+    module.add_function(wrap_pyfunction!(files::convert_cache, module)?)?;
+    module.add_function(wrap_pyfunction!(files::diff_results, module)?)?;
+    module.add_function(wrap_pyfunction!(files::write_report, module)?)?;
+    module.add_function(wrap_pyfunction!(files::info, module)?)?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<scene::Shot>()?;
     module.add_class::<simulation::Simulation>()?;

@@ -62,6 +62,15 @@ impl Scene {
         self.source.path().map(PathBuf::from)
     }
 
+    /// Every value of the scene as TOML and as JSON; the files that it names are opened.
+    fn resolved(&self, py: Python<'_>) -> PyResult<(String, String)> {
+        let source = self.source.clone();
+        let text = on_thread(py, |_| Ok::<_, Fault>(source.read()?.resolve()?.resolved))?;
+        let value: toml::Value = toml::from_str(&text).map_err(|error| usage(error.to_string()))?;
+        let json = serde_json::to_string(&value).map_err(|error| usage(error.to_string()))?;
+        Ok((text, json))
+    }
+
     fn set(&mut self, key: String, value: String) -> PyResult<()> {
         let mut changed = self.source.clone();
         changed.settings.push((key, value));

@@ -6,7 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ class StudyRow:
     """Whether its counts let it be recommended."""
     steps: int
     """Time steps of its run."""
-    errors: npt.NDArray[np.float64]
+    errors: npt.NDArray[np.float64] = field(repr=False)
     """RMS distance from the reference at each compared frame [m], of the shape (frames,); empty without a reference."""
 
 

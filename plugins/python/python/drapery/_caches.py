@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +34,18 @@ class Uvs(tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]):
         return self[1]
 
 
+class Units(NamedTuple):
+    """Unit and axis of a file. What is read is in metres with Y up in any case."""
+
+    length: str | None
+    """Unit of length: ``mm``, ``cm``, ``in``, ``ft`` or ``m``; None for one of a stage that is none of these."""
+    up: str
+    """Axis that points up: ``Y`` or ``Z``."""
+
+
 class CacheMesh:
-    """A mesh of a cache. Nothing is kept in memory: every array is read when it is asked for."""
+    """A mesh of a cache: ``mesh[frame]`` are its positions at a frame, ``len(mesh)`` is the number of its frames. Nothing is kept in
+    memory: every array is read when it is asked for."""
 
     def __init__(self, native: _native.Cache, number: int, name: str) -> None:
         self._native, self._number, self._name = native, number, name
@@ -80,6 +90,18 @@ class CacheMesh:
         """Velocities at a frame: (points, 3) [m/s]; None where the cache stores none. Raises what ``positions`` raises."""
         return self._native.velocities(self._number, frame)
 
+    def __getitem__(self, frame: int) -> Vectors:
+        """Positions at the frame of this number, as ``positions``."""
+        return self.positions(frame)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.frames)
+
+    def __contains__(self, frame: object) -> bool:
+        """Whether the frame of this number is there."""
+        return frame in self.frames
+
     def __iter__(self) -> Iterator[tuple[int, Vectors]]:
         """All frames, one after the other: number and positions."""
         for frame in self.frames:
@@ -109,7 +131,8 @@ def _range(frames: list[int]) -> str:
 
 
 class Cache:
-    """A cache that is read. One that is still being written may be read, too: it has the frames that are complete."""
+    """A cache that is read: ``cache[name]`` is a mesh, and iterating it gives all. One that is still being written may be read,
+    too: it has the frames that are complete."""
 
     def __init__(self, native: _native.Cache, path: Path) -> None:
         self._native, self._path = native, path
@@ -139,9 +162,27 @@ class Cache:
         return self._native.fps
 
     @property
-    def units(self) -> str:
-        """Unit and axis of the file, in words. What is read is in metres with Y up in any case."""
-        return self._native.units
+    def units(self) -> Units:
+        """Unit and axis of the file. What is read is in metres with Y up in any case."""
+        return Units(*self._native.units)
+
+    def __getitem__(self, name: str) -> CacheMesh:
+        """The mesh of this path, or the only one whose path ends with this name. Raises UsageError if there is none."""
+        found = [mesh for mesh in self._meshes if name in (mesh.name, mesh.name.rpartition("/")[2])]
+        exact = [mesh for mesh in found if mesh.name == name] or found
+        if len(exact) != 1:
+            names = ", ".join(mesh.name for mesh in self._meshes)
+            what = "no mesh has this name" if not exact else "several meshes have this name"
+            raise UsageError(f"{self.path}: {name!r}: {what}\n  help: choose one of {names}")
+        return exact[0]
+
+    def __len__(self) -> int:
+        """Number of meshes."""
+        return len(self._meshes)
+
+    def __iter__(self) -> Iterator[CacheMesh]:
+        """Its meshes, in the order of their paths."""
+        return iter(self._meshes)
 
     def __repr__(self) -> str:
         return f"<drapery.Cache {self.path}: {', '.join(repr(mesh) for mesh in self._meshes)}>"

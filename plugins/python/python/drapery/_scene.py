@@ -6,7 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any, Union
@@ -79,7 +79,7 @@ class Frame:
     """At the frame [J]."""
     max_strain: float
     """Relative change of the length of the most stretched edge."""
-    counts: dict[str, int]
+    counts: dict[str, int] = field(repr=False)
     """What was counted, by the names of docs/reference/counts.md."""
 
 
@@ -118,7 +118,7 @@ class Report:
     """What all frames took [s]."""
     files: list[Path]
     """The caches."""
-    counts: dict[str, int]
+    counts: dict[str, int] = field(repr=False)
     """What was counted in all frames, by the names of docs/reference/counts.md."""
     exceeded: dict[str, int]
     """Counts that should have stayed zero, such as intersections in the caches."""
@@ -220,6 +220,19 @@ class Scene:
     def path(self) -> Path | None:
         """The scene file, if it is of one."""
         return self._native.path
+
+    @property
+    def text(self) -> str:
+        """The whole scene as TOML: every value, defaults included, and where it came from; what ``resolved.toml`` of a run is.
+
+        The files that it names are opened. Raises SceneError or InputError with all that is wrong.
+        """
+        return self._native.resolved()[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as mappings: what ``from_dict`` takes, with parameters replaced, settings applied, and defaults."""
+        content: dict[str, Any] = json.loads(self._native.resolved()[1])
+        return content
 
     def set(self, key: str, value: Setting) -> None:
         """Sets a value, as ``--set KEY=VALUE`` does. Raises SceneError if there is no such key; nothing is set then."""
