@@ -1,5 +1,5 @@
 //! What Drapery tells of results: what accuracy costs ([`study`]), how a run went ([`report`]), whether two results are the
-//! same ([`diff`]), and whether caches are sound ([`verify`]). Nothing here is needed to simulate a shot, and nothing that
+//! same ([`diff`]), whether ranks and threads come to the same bits ([`bits`]), and whether caches are sound ([`verify`]). Nothing here is needed to simulate a shot, and nothing that
 //! simulates or writes knows of it. The library never prints.
 //!
 //! ```
@@ -8,7 +8,9 @@
 //! assert_eq!((name.as_str(), values.len()), ("cfl", 3));
 //! ```
 
+pub mod bits;
 pub mod diff;
+mod local_run;
 pub(crate) mod page;
 pub mod report;
 pub mod study;

@@ -92,6 +92,36 @@ fn verified(meshes: &[Mesh<'_>]) -> Verification {
     verify(&[&file(folder.path(), "a.abc", meshes)], None).unwrap()
 }
 
+#[test]
+fn what_crosses_along_the_other_diagonal_alone_is_found_with_its_faces_and_told_apart() {
+    // The diagonal from 0 to 2 is the shorter one, at height 0; that from 1 to 3 is at 0.4. A spike hangs to between them.
+    let at = |tip: f32| -> Points {
+        let quad = [[-0.9, 0.0, 0.0], [0.0, 0.4, -1.0], [0.9, 0.0, 0.0], [0.0, 0.4, 1.0]];
+        let spike = [[0.1, 1.0, 0.02], [0.1, 1.0, 0.12], [0.01, tip, 0.02]];
+        quad.into_iter().chain(spike).collect()
+    };
+    let faces: (&[i32], &[i32]) = (&[4, 3], &[0, 1, 2, 3, 4, 5, 6]);
+    let clean = verified(&[Mesh::new("cloth", &[at(0.5)], faces)]);
+    assert!(clean.failures.is_empty(), "{:?}", clean.failures);
+    let words = "no intersections where quads are cut along the other diagonal and larger faces into fans, in 1 of 1";
+    assert!(clean.facts.iter().any(|fact| fact.starts_with(words)), "{:?}", clean.facts);
+    let found = verified(&[Mesh::new("cloth", &[at(0.5), at(0.2)], faces)]);
+    assert!(found.facts.iter().any(|fact| fact == "/cloth/shape: 3 triangles, no intersections in 2 frames"));
+    assert!(found.failures.is_empty(), "{:?}", found.failures);
+    let is_about_it = |text: &&String| text.contains("along the other diagonal");
+    let message = found.warnings.iter().find(is_about_it).expect("a warning");
+    let expected = "/cloth/shape: the cloth intersects itself if faces are cut along the other diagonal, as renderers may do, in 1 \
+                    of 2 frames";
+    assert!(message.starts_with(expected) && message.contains("frame 1002, edge"), "{message}");
+    assert!(
+        message.contains("face 0") && message.contains("face 1") && message.contains("faces = \"triangles\""),
+        "{message}"
+    );
+    let triangles: (&[i32], &[i32]) = (&[3, 3, 3], &[0, 1, 2, 0, 2, 3, 4, 5, 6]);
+    let cut = verified(&[Mesh::new("cloth", &[at(0.5), at(0.2)], triangles)]);
+    assert!(cut.failures.is_empty() && !cut.warnings.iter().any(|text| is_about_it(&text)), "{:?}", cut.warnings);
+}
+
 fn joined(tips: &[f32]) -> Vec<Points> {
     tips.iter().map(|&tip| [FLOOR.to_vec(), spike(tip)].concat()).collect()
 }

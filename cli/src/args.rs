@@ -1,5 +1,7 @@
 //! What was typed.
 
+mod values;
+
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -7,6 +9,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_analysis::bits::Layout;
 use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
 use drapery_core::observe::Tracepoint;
@@ -16,6 +19,12 @@ use drapery_io::units::{LengthUnit, UpAxis};
 use drapery_shot::run::Resume;
 
 use crate::{Invocation, exit_code};
+
+pub(crate) use values::{FrameRange, SeedRange};
+use values::{
+    parse_frame_budget, parse_frames, parse_length, parse_rate, parse_resume, parse_seeds, parse_setting,
+    parse_tolerance, parse_up,
+};
 
 /// What `--version` says: the version, and what this build has beyond what every build has.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -58,7 +67,7 @@ pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
 /// What is logged, and where.
 #[derive(Debug, Args)]
 pub(crate) struct LogArgs {
-    /// Say more (twice: everything)
+    /// Say more (twice: everything); at the end of a run, where the time went and what was counted
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub(crate) verbose: u8,
     /// Say nothing but errors
@@ -97,7 +106,7 @@ pub(crate) enum Command {
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
-    Materials(MaterialsArgs),
+    Materials(ListArgs),
     /// Test this build: what it has to withstand
     Selftest(SelftestArgs),
 }
@@ -113,7 +122,8 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Settings that `drapery study --write-preset` has written; --set overrides them
+    /// File of settings that `drapery study --write-preset` has written; --set overrides them. A preset of the solver is set
+    /// by --set solver.preset=production
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
     /// Effects to leave out, for example wind,self_collision; replaces `effects.without` of the scene
@@ -136,6 +146,18 @@ pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
     #[arg(long, value_name = "DIRS")]
     pub(crate) materials: Option<OsString>,
+}
+
+/// Arguments of `materials`.
+#[derive(Debug, Args)]
+pub(crate) struct ListArgs {
+    /// The material to show; all of them when left out
+    pub(crate) name: Option<String>,
+    #[command(flatten)]
+    pub(crate) materials: MaterialsArgs,
+    /// Print JSON, in SI units
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// How a run is made; nothing here changes a result.
@@ -257,6 +279,12 @@ pub(crate) struct ConvertArgs {
     /// Frames to take, for example 1001-1100 [default: all]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
+    /// Unit of the old cache: m, cm, mm, in or ft [default: what it says, or m]
+    #[arg(long, value_name = "UNIT", value_parser = parse_length)]
+    pub(crate) from_length: Option<LengthUnit>,
+    /// Up axis of the old cache: Y or Z [default: what it says, or Y]
+    #[arg(long, value_name = "AXIS", value_parser = parse_up)]
+    pub(crate) from_up: Option<UpAxis>,
     /// Unit of the new cache: m, cm, mm, in or ft [default: that of the old one]
     #[arg(long, value_name = "UNIT", value_parser = parse_length)]
     pub(crate) length: Option<LengthUnit>,
@@ -266,6 +294,9 @@ pub(crate) struct ConvertArgs {
     /// Frame rate, for example 24 or 24000/1001, where the cache does not tell it
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub(crate) fps: Option<(u32, u32)>,
+    /// Write the triangles that were simulated in the place of the faces, so that no renderer cuts these otherwise
+    #[arg(long)]
+    pub(crate) triangles: bool,
     /// Replace a file that is there
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -340,8 +371,21 @@ pub(crate) struct SelftestArgs {
     pub(crate) hard: Option<HardTier>,
     /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities, six mountings
     /// each
-    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
+    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present_any = ["hard", "bits"], conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
+    /// The bits of this scene after every line of every step, on one rank and on the others that --ranks says; prints the first
+    /// line that differs
+    #[arg(long, value_name = "SCENE", conflicts_with_all = ["hard", "drape", "integrator", "cases", "seeds", "json"])]
+    pub(crate) bits: Option<PathBuf>,
+    /// Ranks to compare, with threads of each as in 3x2
+    #[arg(long, value_name = "N", value_delimiter = ',', requires = "bits", default_value = "2,3,4,7,2x2")]
+    pub(crate) ranks: Vec<Layout>,
+    /// Last frame to compare; the scene's own when left out
+    #[arg(long, value_name = "FRAME", requires = "bits", allow_hyphen_values = true)]
+    pub(crate) last: Option<i64>,
+    /// Set a parameter or any key of the scene, as for `run`; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting, requires = "bits")]
+    pub(crate) settings: Vec<(String, String)>,
     /// Integrator of the scenes of the hard cases
     #[arg(long, value_enum, value_name = "WORD", default_value_t = IntegratorChoice::SemiImplicit, conflicts_with = "drape")]
     pub(crate) integrator: IntegratorChoice,
@@ -470,98 +514,6 @@ pub(crate) enum OnTerm {
     Signal,
 }
 
-/// First and last frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct FrameRange {
-    pub(crate) first: i64,
-    pub(crate) last: i64,
-}
-
-/// First and last seed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct SeedRange {
-    pub(crate) first: u64,
-    pub(crate) last: u64,
-}
-
-fn parse_seeds(text: &str) -> Result<SeedRange, String> {
-    let number = |word: &str| word.trim().parse::<u64>().map_err(|_| format!("`{word}` is not a seed"));
-    let (first, last) = text.split_once('-').unwrap_or((text, text));
-    let (first, last) = (number(first)?, number(last)?);
-    if last < first { Err(format!("{last} comes before {first}")) } else { Ok(SeedRange { first, last }) }
-}
-
-fn parse_frames(text: &str) -> Result<FrameRange, String> {
-    let number = |word: &str| word.parse::<i64>().map_err(|_| format!("`{word}` is not a frame number"));
-    if text.contains(['x', ':', ',']) {
-        return Err("a simulation cannot leave out frames: give one range such as 1001-1100".into());
-    }
-    // The first character may be the sign of a negative frame.
-    let split = text.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(i, _)| i);
-    let (first, last) = match split {
-        Some(i) => (number(&text[..i])?, number(&text[i + 1..])?),
-        None => (number(text)?, number(text)?),
-    };
-    if last < first {
-        return Err(format!("the last frame, {last}, comes before the first, {first}"));
-    }
-    Ok(FrameRange { first, last })
-}
-
-/// Reads the word of a unit.
-fn parse_length(text: &str) -> Result<LengthUnit, String> {
-    let found = LengthUnit::ALL.into_iter().find(|unit| unit.word() == text);
-    found.ok_or_else(|| {
-        let words: Vec<&str> = LengthUnit::ALL.iter().map(|unit| unit.word()).collect();
-        format!("`{text}` is no unit: there are {}", words.join(", "))
-    })
-}
-
-/// Reads an axis.
-fn parse_up(text: &str) -> Result<UpAxis, String> {
-    match text {
-        "Y" | "y" => Ok(UpAxis::Y),
-        "Z" | "z" => Ok(UpAxis::Z),
-        _ => Err(format!("`{text}` is no up axis: there are Y and Z")),
-    }
-}
-
-/// Reads a frame rate, a number or a fraction.
-fn parse_rate(text: &str) -> Result<(u32, u32), String> {
-    let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
-    let number = |word: &str| word.parse::<u32>().ok().filter(|number| *number > 0);
-    let wrong = || format!("`{text}` is no frame rate: write 24, or a fraction such as 24000/1001");
-    number(numerator).zip(number(denominator)).ok_or_else(wrong)
-}
-
-/// Reads `10s/frame`.
-fn parse_frame_budget(text: &str) -> Result<Duration, String> {
-    let time = text.strip_suffix("/frame").or_else(|| text.strip_suffix("/f")).unwrap_or(text);
-    parse_duration(time).map_err(|error| error.to_string())
-}
-
-fn parse_resume(text: &str) -> Result<Resume, String> {
-    match text {
-        "auto" => Ok(Resume::Auto),
-        "never" => Ok(Resume::Never),
-        _ => text.parse().map(Resume::Frame).map_err(|_| "write auto, never or the number of a frame".into()),
-    }
-}
-
-fn parse_tolerance(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(metres) if metres >= 0.0 && metres.is_finite() => Ok(metres),
-        _ => Err("write a distance in metres, for example 1e-6".into()),
-    }
-}
-
-fn parse_setting(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
-        _ => Err("write it as name=value, for example resolution=80".into()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -570,15 +522,5 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn frame_ranges_may_be_negative_and_may_not_skip() {
-        assert_eq!(parse_frames("1001-1100"), Ok(FrameRange { first: 1001, last: 1100 }));
-        assert_eq!(parse_frames("-10--5"), Ok(FrameRange { first: -10, last: -5 }));
-        assert_eq!(parse_frames("7"), Ok(FrameRange { first: 7, last: 7 }));
-        assert!(parse_frames("1-10x2").unwrap_err().contains("cannot leave out frames"));
-        assert!(parse_frames("10-1").unwrap_err().contains("comes before"));
-        assert!(parse_frames("a-b").unwrap_err().contains("`a`"));
     }
 }

@@ -11,6 +11,8 @@ pub(crate) enum ExitCode {
     Usage = FaultKind::Usage as u8,
     BadInput = FaultKind::BadInput as u8,
     MissingInput = FaultKind::MissingInput as u8,
+    #[cfg_attr(not(feature = "mpi"), allow(dead_code, reason = "there are no other ranks"))]
+    RankLost = 69,
     Internal = FaultKind::Internal as u8,
     NoMemory = FaultKind::NoMemory as u8,
     CannotCreate = FaultKind::CannotCreate as u8,
@@ -26,13 +28,14 @@ pub(crate) enum ExitCode {
 pub(crate) const TABLE: &str = "Exit codes:
    0  done
    1  differences found (diff), or a case failed (selftest)
-   2  the command line could not be understood
+   2  the command line could not be understood, or asks for frames that the shot does not have
   65  an input file holds data that cannot be used, or is no file
   66  an input file is missing
+  69  a rank of several was lost (machine, network): run the same command again on machines that answer
   70  internal error
   71  the machine has too little memory for the shot
   73  an output could not be created, or holds another run
-  74  reading or writing failed (disk full), also of standard output
+  74  reading or writing failed (disk full, a file removed while it is written), also of standard output and logs
   75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)
   78  the scene file, a material file or the site file is wrong
   80  the solver gave up

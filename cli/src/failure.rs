@@ -88,11 +88,18 @@ impl From<Vec<SceneFileError>> for Failure {
             [_] => "a problem".to_owned(),
             many => format!("{} problems", many.len()),
         };
-        let excerpts: String = errors.into_iter().map(excerpt).collect();
+        let more = match errors.len().saturating_sub(MOST_EXCERPTS) {
+            0 => String::new(),
+            more => format!("\nand {more} more, which are shown when these are mended"),
+        };
+        let excerpts: String = errors.into_iter().take(MOST_EXCERPTS).map(excerpt).collect();
         // Excerpts have colours, and nothing else that a terminal obeys.
-        Self { code, text: format!("{count} in the scene file\n{}", excerpts.trim_end()) }
+        Self { code, text: format!("{count} in the scene file\n{}{more}", excerpts.trim_end()) }
     }
 }
+
+/// Problems of a scene that are shown at once: a fault that is in every one of many garments is seen in the first of them.
+const MOST_EXCERPTS: usize = 40;
 
 /// A scene error with the line that it is about.
 #[derive(Debug, thiserror::Error, Diagnostic)]

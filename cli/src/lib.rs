@@ -13,6 +13,8 @@ mod config;
 mod exit_code;
 mod failure;
 mod log;
+#[cfg(feature = "mpi")]
+mod lost_rank;
 mod memory;
 mod patience;
 mod plan;
@@ -95,16 +97,24 @@ fn started(invocation: &Invocation) -> u8 {
             return printed(code.into()).code;
         }
     };
+    // From here on a rank that is lost ends this one.
+    let (heart, refused) = ranks::Heart::start(&ranks);
     if !ranks.is_first() {
-        return ranks::follow(&cli.command, &ranks);
+        let code = ranks::follow(&cli.command, &ranks);
+        heart.bye(code);
+        // Waits for the others, whose heartbeats go on until then.
+        drop(ranks);
+        return code;
     }
     // A panic is a fault of the program; the farm is to see an exit code that says so. One of several ranks ends them all.
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli, &ranks)));
+    let outcome =
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| refused.and_then(|()| dispatch(&cli, &ranks))));
     let ended = printed(outcome.unwrap_or_else(|_| Err(Failure::internal())).unwrap_or_else(|failure| {
         failure.report();
         failure.code.into()
     }));
     remote_simulation::shut_down(&ranks, ended.code);
+    heart.bye(ended.code);
     // Waits for the others.
     drop(ranks);
     if ended.by_term {
@@ -137,7 +147,7 @@ pub fn pass_answers() {
 fn explain(message: &clap::Error, words: &[OsString]) {
     let printed = message.print();
     if !message.use_stderr() {
-        say::note_loss(printed);
+        say::note_loss(say::STANDARD_OUTPUT, printed);
     }
     if message.kind() == ErrorKind::InvalidUtf8 {
         let wrong = words.iter().filter(|word| word.to_str().is_none());
@@ -166,8 +176,9 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     // A run has its own lines.
     let prepares = matches!(cli.command, Command::Check(_) | Command::Plan(_));
     let _patience = (prepares && !cli.log.quiet).then(Patience::start);
+    let loudness = (cli.log.quiet, cli.log.verbose > 0);
     let code = match &cli.command {
-        Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
+        Command::Run(args) => return commands::run::run(args, ranks, around(), loudness, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),

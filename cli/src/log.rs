@@ -18,6 +18,7 @@ use tracing_subscriber::{Layer, fmt};
 use crate::args::LogArgs;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::say;
 
 /// Bytes that wait for a file at most: more than any run says before its folder is known.
 const MOST_WAITING: usize = 1 << 20;
@@ -48,7 +49,26 @@ struct LateFile(Arc<Mutex<Place>>);
 #[derive(Debug)]
 enum Place {
     Waiting(Vec<u8>),
-    File(File),
+    File(LogFile),
+}
+
+/// A log. That it cannot be written is said at the end of the command: whoever writes to a log does not look at errors.
+#[derive(Debug)]
+struct LogFile {
+    /// Name in messages.
+    name: String,
+    file: File,
+}
+
+impl Write for LogFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        say::note_loss(&self.name, self.file.write_all(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 impl Default for LateFile {
@@ -58,13 +78,14 @@ impl Default for LateFile {
 }
 
 impl LateFile {
-    fn open(&self, mut file: File) {
+    fn open(&self, file: File) {
+        let mut log = LogFile { name: "the log in the folder of the run".to_owned(), file };
         let mut place = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Place::Waiting(bytes) = &*place {
-            // As with all of the log: a full disk is reported by what matters.
-            let _ = file.write_all(bytes);
+            // It takes all of it.
+            let _ = log.write_all(bytes);
         }
-        *place = Place::File(file);
+        *place = Place::File(log);
     }
 }
 
@@ -144,6 +165,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         None => None,
         Some(path) => {
             let file = create(path)?;
+            let file = LogFile { name: path.display().to_string(), file };
             Some(fmt::layer().json().with_writer(Mutex::new(file)).with_filter(filter("debug")))
         }
     };

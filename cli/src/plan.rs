@@ -1,10 +1,11 @@
 //! What will be done: the scene with its files opened, and the folder of the run.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use drapery_analysis::study::preset;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::SolverPreset;
 use drapery_io::scene_file;
 use drapery_shot::Shot;
 use drapery_shot::rules::Warning;
@@ -12,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Environment, Resolved};
+use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::patience;
 use crate::ranks;
@@ -50,7 +52,7 @@ pub(crate) fn shot(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Res
 /// Values of the scene that the arguments set: `--without` and `--only` are two of its keys.
 fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
     let list = |names: &[String]| format!("{names:?}");
-    let mut settings = args.preset.as_deref().map(preset::read).transpose()?.unwrap_or_default();
+    let mut settings = args.preset.as_deref().map(of_preset).transpose()?.unwrap_or_default();
     settings.extend(args.settings.iter().cloned());
     for (key, other, names) in [("without", "only", &args.without), ("only", "without", &args.only)] {
         if !names.is_empty() {
@@ -59,6 +61,18 @@ fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
         }
     }
     Ok(settings)
+}
+
+/// The settings in the file of `--preset`. A word of `solver.preset` in its place is a mistake that is easily made.
+fn of_preset(path: &Path) -> Result<Vec<(String, String)>, Failure> {
+    if let Some(word) = path.to_str().filter(|word| SolverPreset::find(word).is_some() && !path.exists()) {
+        let text = format!(
+            "--preset {word}: this is a word of the solver's preset, and --preset takes a file of settings that `drapery study \
+             --write-preset` has written\n  help: write --set solver.preset={word}"
+        );
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
+    Ok(preset::read(path)?)
 }
 
 /// Where a run of this shot goes when nobody says.

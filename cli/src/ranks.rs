@@ -12,6 +12,9 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::signals::{self, Unasked};
 
+#[cfg(feature = "mpi")]
+pub(crate) use crate::lost_rank::{Heart, writes_into};
+
 /// Variables by which launchers say which of their processes this one is: those of Open MPI, of PMIx, and of MPICH, Intel MPI
 /// and Slurm.
 const RANK: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"];
@@ -57,6 +60,23 @@ pub(crate) fn join(command: Option<&Command>) -> Result<Ranks, Failure> {
         _ => Ok(Ranks::default()),
     }
 }
+
+/// Without others there is nobody to beat for.
+#[cfg(not(feature = "mpi"))]
+pub(crate) struct Heart;
+
+#[cfg(not(feature = "mpi"))]
+impl Heart {
+    pub(crate) fn start(_ranks: &Ranks) -> (Self, Result<(), Failure>) {
+        (Self, Ok(()))
+    }
+
+    pub(crate) fn bye(&self, _code: u8) {}
+}
+
+/// Nobody asks for the folder of the run.
+#[cfg(not(feature = "mpi"))]
+pub(crate) fn writes_into(_folder: &std::path::Path) {}
 
 /// What a rank other than 0 does; returns its exit code.
 pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {

@@ -5,7 +5,8 @@ use std::io::{ErrorKind, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Why standard output could not be written for the first time. A reader that has gone away (`drapery run … | head`) is no reason.
+/// What of the output could not be written for the first time, and why. A reader that has gone away (`drapery run … | head`) is no
+/// reason.
 static LOST: OnceLock<String> = OnceLock::new();
 
 /// Whether the loss was reported.
@@ -13,7 +14,7 @@ static REPORTED: AtomicBool = AtomicBool::new(false);
 
 /// A line on standard output.
 pub(crate) fn line(text: impl Display) {
-    note_loss(writeln!(std::io::stdout().lock(), "{}", visible(&text.to_string())));
+    note_loss(STANDARD_OUTPUT, writeln!(std::io::stdout().lock(), "{}", visible(&text.to_string())));
 }
 
 /// A line on standard error.
@@ -26,12 +27,15 @@ pub(crate) fn visible(text: &str) -> String {
     text.replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
 }
 
-/// Takes note of what became of something that was printed on standard output.
-pub(crate) fn note_loss(printed: std::io::Result<()>) {
+/// What it is called where something is printed.
+pub(crate) const STANDARD_OUTPUT: &str = "standard output";
+
+/// Takes note of what became of something that was printed, or written to a log.
+pub(crate) fn note_loss(place: &str, printed: std::io::Result<()>) {
     if let Err(error) = printed
         && error.kind() != ErrorKind::BrokenPipe
     {
-        LOST.get_or_init(|| error.to_string());
+        LOST.get_or_init(|| format!("{place} could not be written: {error}"));
     }
 }
 
@@ -40,16 +44,16 @@ pub(crate) fn warn_of_loss() {
     if let Some(error) = LOST.get()
         && !REPORTED.swap(true, Ordering::Relaxed)
     {
-        tracing::warn!("standard output could not be written: {error}; the command continues without it");
+        tracing::warn!("{error}; the command continues without it");
     }
 }
 
 /// Says why a command fails that has done everything but print all of it; an error of reading or writing.
 pub(crate) fn loss() -> Option<String> {
-    note_loss(std::io::stdout().flush());
+    note_loss(STANDARD_OUTPUT, std::io::stdout().flush());
     let error = LOST.get()?;
     Some(format!(
-        "standard output could not be written: {error}\n  \
+        "{error}\n  \
          help: make room where it goes, or send it elsewhere; what the command writes into files is complete"
     ))
 }

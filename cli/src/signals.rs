@@ -2,6 +2,8 @@
 //! on to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where
 //! a site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
 //!
+//! SIGHUP comes when a terminal closes or a connection breaks. It is obeyed unless the program was started to survive it (by nohup).
+//!
 //! Inputs that take minutes to read, and steps that take minutes, do not ask for requests. Where nothing was simulated yet, or a
 //! second signal came, the program ends without being asked after a while: as after SIGKILL, files are what they were at the last
 //! checkpoint, but with the exit code of a stop.
@@ -9,7 +11,7 @@
 use std::time::{Duration, SystemTime};
 
 use drapery_shot::farm::stop::{Reason, Signal, SignalOrder, StopRequests};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
 use signal_hook::iterator::Signals;
 
 use crate::exit_code::ExitCode;
@@ -17,12 +19,13 @@ use crate::failure::Failure;
 use crate::say;
 
 /// The signals, and what they are called where they are obeyed.
-const HEARD: [(i32, Signal); 5] = [
+const HEARD: [(i32, Signal); 6] = [
     (SIGTERM, Signal::Terminate),
     (SIGUSR1, Signal::User1),
     (SIGUSR2, Signal::User2),
     (SIGINT, Signal::Interrupt),
     (SIGXCPU, Signal::CpuLimit),
+    (SIGHUP, Signal::HangUp),
 ];
 
 /// How long a signal before the first step, and a second one, wait for the run to end at a state that it can continue from.
@@ -35,7 +38,8 @@ const START: u64 = 1;
 /// the program ends with where the run does not ask for requests.
 pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), Failure> {
     let failure = |error| Failure::new(ExitCode::Internal, format!("signals cannot be listened to: {error}"));
-    let mut signals = Signals::new(HEARD.map(|(number, _)| number)).map_err(failure)?;
+    let heard = HEARD.iter().map(|(number, _)| *number).filter(|number| *number != SIGHUP || !is_ignored(SIGHUP));
+    let mut signals = Signals::new(heard).map_err(failure)?;
     let (requests, unasked) = (requests.clone(), unasked.clone());
     // A thread of its own and no work in the handler: it may look at a clock and take a lock.
     let listen = move || {
@@ -48,6 +52,15 @@ pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), F
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failure)?;
     Ok(())
+}
+
+/// Whether whoever has started the program wants it to ignore a signal, as `nohup` does; taken for granted where the system does
+/// not tell.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 /// How the program ends where the run does not ask for requests.
@@ -118,7 +131,8 @@ mod tests {
     #[test]
     fn signals_become_requests_and_the_process_lives_on() {
         let unasked = Unasked { code: 75, by_term: false, command: "drapery run".to_owned() };
-        for (number, signal) in HEARD {
+        // Whoever has started the tests may have asked for some to be ignored.
+        for (number, signal) in HEARD.into_iter().filter(|(number, _)| *number != SIGHUP || !is_ignored(SIGHUP)) {
             let requests = StopRequests::default();
             // A run that has begun to step.
             assert_eq!(requests.poll(SystemTime::now()), None);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgAction, Command};
 
 /// Environment variables that the programs read, who reads them, and what they say.
-const VARIABLES: [(&str, &str); 17] = [
+const VARIABLES: [(&str, &str); 18] = [
     ("DRAPERY_CONFIG", "the [site file](config.md), as `--config` does"),
     ("DRAPERY_MATERIALS", "folders of [material files](config.md), as `--materials` does"),
     ("DRAPERY_PROGRESS", "how progress is reported, as `--progress` does"),
@@ -16,6 +16,11 @@ const VARIABLES: [(&str, &str); 17] = [
         "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; overrides `--verbose`",
     ),
     ("DRAPERY_STOP_AT", "when the run is to have stopped at a checkpoint, in seconds since 1970"),
+    (
+        "DRAPERY_RANK_TIMEOUT",
+        "silence of another rank after which it counts as lost (machine or network down, process frozen), as in `2m`; 30 s without it, \
+         0 for no heartbeats; that of rank 0 counts",
+    ),
     ("DRAPERY_THREADS", "threads of each process, as `--threads` does; the first of the four that is set counts"),
     ("OMP_NUM_THREADS", "the same; of a list the first number"),
     ("CUE_THREADS", "the same, set by OpenCue"),
@@ -94,8 +99,8 @@ fn section(command: &mut Command) -> String {
 fn the_page_of_the_command_line_is_fresh() {
     let mut command = drapery_command::command_line();
     let mut page = String::from(
-        "# The command line\n\nWritten by a test from the program (`cli/src/args.rs`); change it there. `drapery COMMAND --help` prints \
-         the same,\nand `make dist` makes man pages and completions of it. How it ends: [exit codes](exit_codes.md).\n\n\
+        "# The command line\n\n`drapery COMMAND --help` prints the same,\nand `make dist` makes man pages and completions of it. \
+         How it ends: [exit codes](exit_codes.md).\n\n\
          | command | does |\n|---|---|\n",
     );
     for sub in command.get_subcommands() {
@@ -107,6 +112,7 @@ fn the_page_of_the_command_line_is_fresh() {
     for sub in command.get_subcommands_mut() {
         page += &section(sub);
     }
+    page += "\n<!-- Written by a test from the program (`cli/src/args.rs`); change it there. -->\n";
     check("docs/reference/cli.md", &page);
 }
 
@@ -115,8 +121,7 @@ fn the_page_of_exit_codes_and_environment_is_fresh() {
     let help = drapery_command::command_line().get_after_help().expect("exit codes").to_string();
     let rows = help.lines().skip(1).filter_map(|line| line.trim().split_once("  "));
     let mut page = String::from(
-        "# Exit codes and environment\n\nWritten by a test from the program (`cli/src/exit_code.rs`, \
-         `cli/tests/reference_pages.rs`); change it there.\n\n## Exit codes\n\nWhat a scheduler should do about each is \
+        "# Exit codes and environment\n\n## Exit codes\n\nWhat a scheduler should do about each is \
          [in a table](../guide/farm.md) of the farm page.\n\n| code | meaning |\n|---|---|\n",
     );
     for (code, meaning) in rows {
@@ -128,6 +133,8 @@ fn the_page_of_exit_codes_and_environment_is_fresh() {
     for (name, says) in VARIABLES {
         let _ = writeln!(page, "| `{name}` | {says} |");
     }
+    page += "\n<!-- Written by a test from the program (`cli/src/exit_code.rs`, `cli/tests/reference_pages.rs`); \
+             change it there. -->\n";
     check("docs/reference/exit_codes.md", &page);
 }
 

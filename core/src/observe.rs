@@ -1,13 +1,14 @@
-//! The cloth after a line of the two listings (`crate::step`, `crate::simulation`), for whoever looks for the line in which
-//! something goes wrong.
+//! The cloth after a line of the two listings (`crate::step`, `crate::simulation`): its values, to find the line in which
+//! something goes wrong, and checksums, to find the line in which two runs come to different bits.
 //!
-//! Nobody looks unless asked to ([`crate::simulation::Simulation::observe`]): then a line costs the question whether there is
-//! an observer. Looking changes nothing.
+//! Without an observer ([`crate::simulation::Simulation::observe`]) a line costs the question whether there is one. Looking changes
+//! nothing.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::Vec3;
+use crate::parallel::parts::Parts;
 use crate::scene::Scene;
 use crate::scene::gather::{LocalValues, VertexField};
 
@@ -86,22 +87,51 @@ pub struct Observation {
     pub garments: Vec<Vec<(&'static str, Vec<Vec3>)>>,
 }
 
-/// Who is given the observations: rank 0 has one, the other ranks only bring their vertices.
+/// Receiver of the observations. Rank 0 has one; the other ranks only bring their vertices.
 pub type Sink = Box<dyn FnMut(Observation) + Send>;
+
+/// Checksums of the cloth after a line: the same on any number of ranks and threads where the quantities have the same bits.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineChecksums {
+    /// One of [`LINES`].
+    pub line: &'static str,
+    /// The frame on the way to which it is.
+    pub frame: i64,
+    /// The time step on the way to that frame, from 1: the coming one after A, the last one after C.
+    pub step: u64,
+    /// The quantities that the line leaves, each with the checksum of its values at all vertices of the scene.
+    pub quantities: Vec<(&'static str, u64)>,
+}
+
+/// Receiver of the checksums, on rank 0.
+pub type ChecksumSink = Box<dyn FnMut(LineChecksums) + Send>;
+
+/// What an observer reports, and to whom.
+enum Report {
+    /// Values of the quantities, after the lines of the tracepoints.
+    Values { tracepoints: Vec<Tracepoint>, sink: Option<Sink> },
+    /// Checksums of the quantities, after every line.
+    Checksums { sink: Option<ChecksumSink> },
+}
 
 /// Looks at the cloth after some lines. All ranks of a simulation have one, with the same tracepoints.
 pub struct Observer {
-    tracepoints: Vec<Tracepoint>,
-    sink: Option<Sink>,
+    report: Report,
     frame: i64,
     /// Steps on the way to that frame.
     steps: u64,
 }
 
 impl Observer {
-    /// An observer in a simulation that has made so many steps on the way to its next frame. Rank 0 has the sink.
+    /// An observer of the lines of these tracepoints, in a simulation that has made `steps` steps on the way to `frame`, its next
+    /// one. Rank 0 has the sink.
     pub fn new(tracepoints: Vec<Tracepoint>, (frame, steps): (i64, u64), sink: Option<Sink>) -> Self {
-        Self { tracepoints, sink, frame, steps }
+        Self { report: Report::Values { tracepoints, sink }, frame, steps }
+    }
+
+    /// An observer of checksums after every line, in a simulation that is on the way to `frame`. Rank 0 has the sink.
+    pub fn of_checksums(frame: i64, sink: Option<ChecksumSink>) -> Self {
+        Self { report: Report::Checksums { sink }, frame, steps: 0 }
     }
 
     /// The simulation goes on towards a frame.
@@ -120,25 +150,55 @@ impl Observer {
     /// ranks call it together.
     pub(crate) fn after(&mut self, at: Place, scene: &Scene, quantities: &[Quantity<'_>]) {
         let Place { line, time, dt } = at;
-        let step = if line == LINES[0] { self.steps + 1 } else { self.steps };
-        let is_here = |point: &Tracepoint| {
-            let (in_frame, in_step) =
-                (point.frame.is_none_or(|f| f == self.frame), point.step.is_none_or(|s| s == step));
-            point.line == line && in_frame && in_step
-        };
-        if !self.tracepoints.iter().any(is_here) {
-            return;
-        }
-        let gather = |garment: usize, quantity: &Quantity<'_>| {
-            let local = LocalValues { field: quantity.field(), values: quantity.values };
-            (quantity.name, scene.gather_garment(garment, local, &|value| *value).unwrap_or_default())
-        };
-        let of_garment = |garment| quantities.iter().map(|quantity| gather(garment, quantity)).collect();
-        let garments = (0..scene.meshes().len()).map(of_garment).collect();
-        if let Some(sink) = &mut self.sink {
-            sink(Observation { line, frame: self.frame, step, time, dt, garments });
+        let (frame, step) = (self.frame, if line == LINES[0] { self.steps + 1 } else { self.steps });
+        match &mut self.report {
+            Report::Values { tracepoints, sink } => {
+                let is_here = |point: &Tracepoint| {
+                    let (in_frame, in_step) =
+                        (point.frame.is_none_or(|f| f == frame), point.step.is_none_or(|s| s == step));
+                    point.line == line && in_frame && in_step
+                };
+                if !tracepoints.iter().any(is_here) {
+                    return;
+                }
+                let gather = |garment: usize, quantity: &Quantity<'_>| {
+                    let local = LocalValues { field: quantity.field(), values: quantity.values };
+                    (quantity.name, scene.gather_garment(garment, local, &|value| *value).unwrap_or_default())
+                };
+                let of_garment = |garment| quantities.iter().map(|quantity| gather(garment, quantity)).collect();
+                let garments = (0..scene.meshes().len()).map(of_garment).collect();
+                if let Some(sink) = sink {
+                    sink(Observation { line, frame, step, time, dt, garments });
+                }
+            }
+            Report::Checksums { sink } => {
+                let own: Vec<u64> =
+                    quantities.iter().map(|quantity| checksum(scene.parts(), quantity.values)).collect();
+                let of_ranks = scene.parts().ranks().all_gather_v(&own);
+                if let Some(sink) = sink {
+                    let sum = |at: usize| of_ranks.iter().fold(0, |sum: u64, of_rank| sum.wrapping_add(of_rank[at]));
+                    let quantities = quantities.iter().enumerate().map(|(at, q)| (q.name, sum(at))).collect();
+                    sink(LineChecksums { line, frame, step, quantities });
+                }
+            }
         }
     }
+}
+
+/// Checksum of the values of a rank's own vertices: a sum over vertices, so that any split among ranks has the same in all. Each
+/// term mixes the vertex' number in the scene with the bits of its value (the finaliser of SplitMix64: G. L. Steele, D. Lea,
+/// C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014).
+fn checksum(parts: &Parts, values: &[Vec3]) -> u64 {
+    let mix = |mut z: u64| {
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let of_vertex = |vertex: usize| {
+        let number = mix(u64::from(parts.number(vertex)) + 0x9e37_79b9_7f4a_7c15);
+        values[vertex].iter().fold(number, |sum, component| mix(sum.rotate_left(1) ^ component.to_bits()))
+    };
+    parts.own().map(of_vertex).fold(0, u64::wrapping_add)
 }
 
 /// A line of the listings, and when it is.

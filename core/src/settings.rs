@@ -328,13 +328,23 @@ fn unknown_key(key: &str, fields: &[Field]) -> String {
     }
 }
 
-/// The candidate closest to `word` by edit distance, if one is close enough to be a slip of the hand.
+/// The candidate closest to `word` by edit distance, if one is close enough to be a slip of the hand; else the only one that begins
+/// with the word, or has it inside.
 pub fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    candidates
-        .map(|candidate| (edit_distance(word, candidate), candidate))
+    let candidates: Vec<&str> = candidates.collect();
+    let close = candidates
+        .iter()
+        .map(|candidate| (edit_distance(word, candidate), *candidate))
         .filter(|(distance, candidate)| *distance <= 1 + candidate.len().max(word.len()) / 3)
-        .min()
-        .map(|(_, candidate)| candidate)
+        .min();
+    let only = |fits: &dyn Fn(&str) -> bool| {
+        let mut fitting = candidates.iter().filter(|candidate| fits(candidate));
+        fitting.next().filter(|_| fitting.next().is_none()).copied()
+    };
+    close.map(|(_, candidate)| candidate).or_else(|| match word.len() {
+        0..3 => None,
+        _ => only(&|candidate| candidate.starts_with(word)).or_else(|| only(&|candidate| candidate.contains(word))),
+    })
 }
 
 /// Levenshtein distance: the smallest number of letters to insert, delete or replace.
@@ -393,6 +403,13 @@ mod tests {
         assert!(wrong("stepp", SettingValue::Number(1.0)).contains("did you mean `step`"));
         assert!(wrong("when", SettingValue::Text("lat".into())).contains("did you mean `late`"));
         assert!(wrong("when", SettingValue::Text("never".into())).contains("it takes early, late"));
+    }
+
+    #[test]
+    fn a_word_that_is_cut_short_names_the_only_one_that_has_it() {
+        let of = |word| nearest(word, ["preview", "production", "steps_per_frame"].into_iter());
+        assert_eq!([of("prod"), of("frame"), of("pr")], [Some("production"), Some("steps_per_frame"), None]);
+        assert_eq!(nearest("pre", ["preview", "preroll"].into_iter()), None, "both begin with it");
     }
 
     #[test]

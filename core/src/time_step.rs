@@ -137,6 +137,11 @@ impl StepLimit {
         *self.rate.insert(parts.ranks().max(largest(&self.strain_rates)))
     }
 
+    /// Own parts in which the rate of strain that was found last exceeds this one [1/s].
+    pub fn parts_faster_than(&self, rate: f64) -> impl Iterator<Item = usize> {
+        self.strain_rates.iter().enumerate().filter(move |(_, found)| **found > rate).map(|(part, _)| part)
+    }
+
     /// The step from the start of `interval` towards its end [s] at this rate of strain [1/s].
     pub fn choose(&mut self, settings: &SolverSettings, rate: f64, interval: Range<f64>, shares: StepShares) -> Choice {
         let strain = settings.largest_strain_per_step() / rate;

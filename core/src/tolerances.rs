@@ -70,6 +70,18 @@ pub const FLAT_TRIANGLE: f64 = 1e-9;
 /// `pinned_neighbours_that_are_torn_apart_are_known_beforehand_and_named_and_counted_by_any_ranks`.
 pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
 
+/// Strains of an edge at the start between which it is taken as meant: below, its ends are in one place up to rounding; above, it is
+/// three times as long as at rest, where the most elastic fabrics break. Guarded by
+/// `edges_that_start_collapsed_or_far_too_long_are_counted_and_named_by_any_ranks`.
+pub const COLLAPSED_AT_START: f64 = -0.999;
+/// The other of the two. Guarded by the same test,
+/// `edges_that_start_collapsed_or_far_too_long_are_counted_and_named_by_any_ranks`.
+pub const STRETCHED_AT_START: f64 = 2.0;
+
+/// Strain above which cloth is longer than cloth can be: the most elastic knits give 0.9. Guarded by
+/// `cloth_that_is_pulled_to_more_than_twice_its_length_is_named_and_counted_by_any_ranks`.
+pub const OVERSTRETCHED: f64 = 1.0;
+
 /// Distance from the nearest place of a body, in mean edges at the vertex and in thicknesses of garment and body together, above
 /// both of which a pinned vertex is far from it: neighbours of a vertex so many edges away find places apart from each other, and
 /// clothes are modelled a few thicknesses off the skin. Guarded by `vertices_bound_far_from_a_body_are_named_by_any_ranks`.

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
+use crate::input_file;
 
 /// The file that is written before it is renamed to `path`; one that is there when nobody writes was left by a process that was
 /// killed.
@@ -14,25 +15,55 @@ pub fn unfinished(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Makes sure that a file may be put under this name: what is there is a file, or nothing. A pipe or a device that a file replaces is
+/// gone, and whoever reads it waits for ever.
+///
+/// # Errors
+/// There is a folder, a pipe, a socket or a device, directly or by links.
+pub fn check_name(path: &Path) -> Result<(), IoError> {
+    match fs::metadata(path) {
+        Ok(about) if !about.is_file() => {
+            Err(IoError::OutputNotAFile { path: path.to_owned(), what: input_file::word(about.file_type()) })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Gives what was written as `part` its name, in the place of a file of that name; what is refused is removed.
+///
+/// # Errors
+/// As [`check_name`]; the disk refuses.
+pub fn put(part: &Path, path: &Path) -> Result<(), IoError> {
+    let renamed = || fs::rename(part, path).map_err(|e| IoError::writing(path, e));
+    let put = check_name(path).and_then(|()| renamed());
+    if put.is_err() {
+        // What is left of it would only confuse; if it cannot be removed either, the first error says why.
+        let _ = fs::remove_file(part);
+    }
+    put
+}
+
 /// Writes `content` beside `path` and renames it into place.
 ///
 /// # Errors
-/// The folder does not exist or cannot be written to, or the disk is full; `path` then keeps its old content.
+/// There is a folder, a pipe, a socket or a device of this name; the folder does not exist or cannot be written to, or the disk is full; `path` then keeps its old content.
 pub fn replace(path: &Path, content: &[u8]) -> Result<(), IoError> {
+    check_name(path)?;
     let beside = unfinished(path);
     let write = |mut file: File| file.write_all(content).and_then(|()| file.sync_data());
     let file = File::create(&beside).map_err(|e| IoError::creating(&beside, e))?;
-    let written = write(file).and_then(|()| fs::rename(&beside, path));
-    if written.is_err() {
-        // What is left of it would only confuse; if it cannot be removed either, the first error says why.
+    if let Err(error) = write(file) {
+        // It would take the room that is missing.
         let _ = fs::remove_file(&beside);
+        return Err(IoError::writing(path, error));
     }
-    written.map_err(|e| IoError::writing(path, e))
+    put(&beside, path)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::IoErrorKind;
 
     #[test]
     fn the_old_content_stays_until_the_new_is_whole() {
@@ -47,6 +78,26 @@ mod tests {
         assert_eq!(seen, "old");
         assert_eq!(fs::read_to_string(&path).unwrap(), "new and longer");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pipe_a_device_and_a_folder_are_refused_and_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("state.h5");
+        rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        for (path, what) in [(pipe.as_path(), "a pipe"), (&link, "a device"), (folder.path(), "a folder")] {
+            let before = fs::metadata(path).unwrap().file_type();
+            let error = replace(path, b"x").unwrap_err();
+            assert_eq!(error.kind(), IoErrorKind::CannotCreate);
+            assert!(error.to_string().contains(&format!("this is {what}")), "{error}");
+            let part = folder.path().join("part");
+            fs::write(&part, "x").unwrap();
+            assert_eq!(put(&part, path).unwrap_err().to_string(), error.to_string());
+            assert!(!part.exists() && fs::metadata(path).unwrap().file_type() == before, "{}", path.display());
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
 
-pub use alembic::triangles_of;
+pub use alembic::{faces_of, triangles_of};
 
 use crate::error::IoError;
 use crate::formats::alembic_writer::CROSSINGS;
@@ -171,11 +171,32 @@ impl CacheFrames {
 
     /// Unit and axes of the file in words, whatever its unit is.
     pub fn unit_in_words(&self) -> String {
-        self.read_in().to_string()
+        self.input_units().to_string()
+    }
+
+    /// Reads the file in this unit and with this axis up from now on, whatever it says of itself.
+    pub fn read_in(&mut self, length: Option<LengthUnit>, up: Option<UpAxis>) {
+        #[cfg(feature = "usd")]
+        if let Stored::Stage(stage) = &mut self.stored {
+            stage.units.metres = length.map_or(stage.units.metres, LengthUnit::metres);
+            stage.units.up = up.unwrap_or(stage.units.up);
+        }
+        self.units.length = length.unwrap_or(self.units.length);
+        self.units.up = up.unwrap_or(self.units.up);
+    }
+
+    /// Whether the file says its unit of length.
+    pub fn states_length(&self) -> bool {
+        match &self.stored {
+            Stored::Alembic(archive) => archive.states_length(),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.states_length,
+            _ => true,
+        }
     }
 
     /// Unit and axes that the numbers of the file are in.
-    fn read_in(&self) -> InputUnits {
+    pub fn input_units(&self) -> InputUnits {
         match &self.stored {
             #[cfg(feature = "usd")]
             Stored::Stage(stage) => stage.units,
@@ -292,7 +313,7 @@ impl CacheFrames {
     /// # Errors
     /// The sample cannot be read.
     pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
-        let units = self.read_in();
+        let units = self.input_units();
         Ok(self.world_positions(mesh, sample)?.into_iter().map(|p| units.to_si(p)).collect())
     }
 
@@ -393,7 +414,7 @@ impl CacheFrames {
     /// # Errors
     /// The sample cannot be read.
     pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
-        let units = self.read_in();
+        let units = self.input_units();
         let si = |v: [f32; 3]| units.to_si(Vec3::from(v.map(f64::from)));
         Ok(self.world_velocities(mesh, sample)?.map(|rates| rates.into_iter().map(si).collect()))
     }

@@ -14,14 +14,15 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 
+use crate::atomic_file::{check_name, put};
 use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::{CacheFrames, rates};
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
-use crate::garment_mesh::GarmentMesh;
+use crate::garment_mesh::{GarmentMesh, cut};
 use crate::mesh_data::MeshData;
 use crate::normals;
-use crate::units::{LengthUnit, Units, UpAxis};
+use crate::units::{LengthUnit, Units, UpAxis, unlikely_size};
 
 use samples::Chosen;
 
@@ -39,6 +40,10 @@ pub struct Conversion {
     pub object: Option<String>,
     /// First and last frame; all of the cache when left out.
     pub frames: Option<[i64; 2]>,
+    /// Unit of the old cache, whatever it says of itself; what it says, or metres, when left out.
+    pub from_length: Option<LengthUnit>,
+    /// Up axis of the old cache, likewise; Y where it does not say it.
+    pub from_up: Option<UpAxis>,
     /// Unit of the new cache; that of the old one when left out.
     pub length: Option<LengthUnit>,
     /// Up axis of the new cache; that of the old one when left out.
@@ -46,6 +51,8 @@ pub struct Conversion {
     /// Frame rate as a fraction, where the cache does not tell it; the samples of an Alembic file, which have times, are in frames
     /// of this rate whatever the file says.
     pub fps: Option<(u32, u32)>,
+    /// Whether the new cache has the triangles that were simulated in the place of the faces.
+    pub triangles: bool,
     /// Whether a file that is there is replaced.
     pub overwrite: bool,
 }
@@ -61,6 +68,8 @@ pub struct Converted {
     pub units: Units,
     /// What the old cache holds of these meshes and the new one does not, a sentence each.
     pub left_out: Vec<String>,
+    /// What is odd about the units of the old cache, a sentence each.
+    pub doubts: Vec<String>,
 }
 
 /// One file with all that the caches of a shot hold.
@@ -105,13 +114,44 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let (samples, mut left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
     left_out.extend(source.left_out(mesh)?);
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
-    let data = described(&source, mesh, samples.all[0].0)?;
+    let data = described(&source, mesh, (samples.all[0].0, conversion.triangles))?;
     left_out.extend(without_place(&data, &conversion.to));
     let kept = GarmentMesh::kept(data);
     let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
+    let doubts = doubts(conversion, &source, [(mesh, &samples)].into_iter())?;
     work.write(&conversion.to, open, &samples, wrote)?;
     let frames = [work.plan.first_frame, work.plan.last_frame];
-    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units, left_out })
+    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units, left_out, doubts })
+}
+
+/// What is odd about the units of a cache, by what it says of them and by the size that these meshes have in their first sample.
+fn doubts<'a>(
+    conversion: &Conversion,
+    source: &CacheFrames,
+    meshes: impl Iterator<Item = (usize, &'a Chosen)>,
+) -> Result<Vec<String>, IoError> {
+    let units = source.input_units();
+    let place = source.path().display();
+    let mut found = Vec::new();
+    if conversion.from_length.is_none() && !source.states_length() {
+        let unit = LengthUnit::plural(units.named().unwrap_or_default());
+        found.push(format!(
+            "{place}: the file does not say its unit, and is read in {unit}; --from-length says another"
+        ));
+    }
+    let mut bounds = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
+    for (mesh, samples) in meshes {
+        let positions = source.positions(mesh, samples.all[0].0)?;
+        bounds = positions.iter().fold(bounds, |[low, high], p| [low.inf(p), high.sup(p)]);
+    }
+    if let Some(size) = unlikely_size(bounds, units) {
+        let remedy = match size.likely {
+            Some(unit) => format!("if it is, say --from-length {}", unit.word()),
+            None => "--from-length says in which unit it is read".to_owned(),
+        };
+        found.push(format!("{place}: {}; {remedy}", size.what));
+    }
+    Ok(found)
 }
 
 /// What of a mesh the new format has no place for, a sentence each.
@@ -192,7 +232,7 @@ fn refuse_target(conversion: &Conversion) -> Result<(), IoError> {
     if let Some(path) = taken.filter(|_| !conversion.overwrite) {
         return Err(IoError::FileExists { path });
     }
-    Ok(())
+    check_name(to)
 }
 
 /// The mesh of this path, or the only one.
@@ -212,6 +252,13 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
 
 /// The cache that is converted. Its frames follow from its times and the rate that is said, or its own.
 fn opened(conversion: &Conversion) -> Result<CacheFrames, IoError> {
+    let mut source = opened_at_rate(conversion)?;
+    source.read_in(conversion.from_length, conversion.from_up);
+    Ok(source)
+}
+
+/// The same, in its own units.
+fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
     let Some((numerator, denominator)) = conversion.fps else { return CacheFrames::open(&conversion.from) };
     let said = f64::from(numerator) / f64::from(denominator);
     let source = CacheFrames::open_at_rate(&conversion.from, said)?;
@@ -238,15 +285,16 @@ fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), Io
     rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
 }
 
-/// The mesh with everything that is handed through; points are those of a sample [m].
-fn described(source: &CacheFrames, mesh: usize, sample: usize) -> Result<MeshData, IoError> {
+/// The mesh with everything that is handed through; points are those of a sample [m]. Its faces, or the triangles that were
+/// simulated.
+fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, bool)) -> Result<MeshData, IoError> {
     let cache = &source.meshes()[mesh];
     let mut data = source.attributes(mesh)?;
     data.mesh.points = source.positions(mesh, sample)?;
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
     // turned round and they are not.
     data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
-    Ok(data)
+    Ok(if triangles { cut(data) } else { data })
 }
 
 /// A conversion whose inputs are known.
@@ -277,7 +325,7 @@ impl Work<'_> {
         let written = self.frames(samples, &mut write).and_then(|()| writer.finish());
         let mut mark = writer.mark();
         drop(writer);
-        let placed = written.and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
+        let placed = written.and_then(|()| put(&aside, to));
         if let Err(error) = placed {
             // Half a cache would only confuse; if it cannot be removed either, the first error says why.
             let _ = fs::remove_file(&aside);

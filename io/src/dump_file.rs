@@ -1,13 +1,12 @@
 //! The cloth after a line of a time step as HDF5 (`docs/reference/dump.md`).
 
-use std::fs;
 use std::path::Path;
 
 use drapery_core::observe::Observation;
 use hdf5::H5Type;
 use hdf5::types::VarLenUnicode;
 
-use crate::atomic_file::unfinished;
+use crate::atomic_file::{put, unfinished};
 use crate::cache::APPLICATION;
 use crate::error::IoError;
 use crate::formats::hdf5::reserved;
@@ -29,7 +28,7 @@ pub fn write(path: &Path, names: &Names, observation: &Observation) -> Result<()
     let part = unfinished(path);
     let refused = |e: hdf5::Error| IoError::writing(path, std::io::Error::other(format!("HDF5: {e}")));
     lay_out(&part, names, observation).map_err(refused)?;
-    fs::rename(&part, path).map_err(|e| IoError::writing(path, e))
+    put(&part, path)
 }
 
 fn lay_out(path: &Path, names: &Names, observation: &Observation) -> hdf5::Result<()> {

@@ -86,9 +86,39 @@ pub fn parse_epoch(text: &str) -> Result<SystemTime, TimeError> {
     }
 }
 
+/// A point of time for people, as in `2026-05-04 09:30:00 UTC`.
+pub fn utc(time: SystemTime) -> String {
+    let seconds = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+    let (days, second) = (seconds / DAY, seconds % DAY);
+    // Years that begin in March have the leap day at their end; cycles of 400 such years are all alike.
+    let day_of_cycle = (days + 719_468) % 146_097;
+    let year_of_cycle = (day_of_cycle - day_of_cycle / 1460 + day_of_cycle / 36_524 - day_of_cycle / 146_096) / 365;
+    let day_of_year = day_of_cycle - (365 * year_of_cycle + year_of_cycle / 4 - year_of_cycle / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = (days + 719_468) / 146_097 * 400 + year_of_cycle + u64::from(month <= 2);
+    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
+    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
+}
+
+/// Seconds of a day.
+const DAY: u64 = 86_400;
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_of_time_are_dates() {
+        // From the calendar: seconds since 1970 of the first days of two years, of a leap day, and of the day after one.
+        let of = |seconds| utc(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds));
+        assert_eq!(of(0), "1970-01-01 00:00:00 UTC");
+        assert_eq!(of(951_782_400), "2000-02-29 00:00:00 UTC");
+        assert_eq!(of(951_868_800), "2000-03-01 00:00:00 UTC");
+        assert_eq!(of(1_735_689_599), "2024-12-31 23:59:59 UTC");
+        assert_eq!(of(1_735_689_600), "2025-01-01 00:00:00 UTC");
+    }
 
     #[test]
     fn durations_are_read_as_schedulers_and_people_write_them() {

@@ -1,5 +1,6 @@
 //! What can go wrong with files: which file, what was being done, and what to do about it.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::AlembicError;
@@ -40,6 +41,30 @@ pub enum IoError {
         path: PathBuf,
         /// What it is.
         what: &'static str,
+    },
+    /// What is to be replaced by a file is none: a folder, a pipe, a socket or a device.
+    #[error(
+        "{}: this is {what}, and a file would be put in its place\n  \
+         help: give the name of a file, new or to be replaced; it can be copied into {what} when it is whole",
+        path.display()
+    )]
+    OutputNotAFile {
+        /// What was given.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// A file was changed by another program while it was written.
+    #[error(
+        "{}: another program {what} while it was written\n  \
+         help: what the file held is lost; keep other programs out of this folder, and start anew with --overwrite",
+        path.display()
+    )]
+    OutputChanged {
+        /// The file.
+        path: PathBuf,
+        /// What has happened to it, as in "has removed this file".
+        what: String,
     },
     /// An output folder has a name that files of HDF5 cannot be written under.
     #[error(
@@ -191,18 +216,6 @@ pub enum IoError {
     #[cfg(feature = "usd")]
     #[error(transparent)]
     UsdRead(#[from] drapery_usd::read::UsdError),
-    /// The HDF5 library refused.
-    #[error(
-        "{}: HDF5: {source}\n  \
-         help: check that the folder exists, that you may write there, and free space",
-        path.display()
-    )]
-    Hdf5 {
-        /// The file.
-        path: PathBuf,
-        /// Reason given by the library.
-        source: hdf5::Error,
-    },
 }
 
 /// Whose fault an error is; it decides the exit code of the command.
@@ -226,11 +239,14 @@ impl IoError {
         match self {
             Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
-            Self::OutputNotUtf8 { .. } | Self::FileExists { .. } => IoErrorKind::CannotCreate,
+            Self::OutputNotUtf8 { .. } | Self::OutputNotAFile { .. } => IoErrorKind::CannotCreate,
+            Self::FileExists { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
-            Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
+            Self::Write { .. } | Self::NoRoom { .. } | Self::OutputChanged { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
-            Self::Alembic(AlembicError::Io { action: "create", .. }) => IoErrorKind::CannotCreate,
+            Self::Alembic(AlembicError::Io { action: "create", source, .. }) if !has_no_room(source) => {
+                IoErrorKind::CannotCreate
+            }
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
             Self::Alembic(_) => IoErrorKind::BadInput,
@@ -239,20 +255,22 @@ impl IoError {
                 drapery_usd::read::UsdErrorKind::Missing => IoErrorKind::MissingInput,
                 drapery_usd::read::UsdErrorKind::BadInput => IoErrorKind::BadInput,
             },
-            Self::Hdf5 { .. } => IoErrorKind::CannotCreate,
         }
     }
 
     /// An error of reading `path`; a missing file gets its own kind.
     pub fn reading(path: &Path, source: std::io::Error) -> Self {
-        if source.kind() == std::io::ErrorKind::NotFound {
+        if source.kind() == ErrorKind::NotFound {
             return Self::Missing { path: path.to_owned() };
         }
         Self::Read { path: path.to_owned(), source }
     }
 
-    /// An error of creating `path`.
+    /// An error of creating `path`; on a full disk it is one of writing.
     pub fn creating(path: &Path, source: std::io::Error) -> Self {
+        if has_no_room(&source) {
+            return Self::writing(path, source);
+        }
         Self::Create { path: path.to_owned(), source }
     }
 
@@ -264,5 +282,27 @@ impl IoError {
     /// Content of `path` that cannot be used.
     pub fn data(path: &Path, place: impl Into<String>, what: impl Into<String>, advice: impl Into<String>) -> Self {
         Self::Data { path: path.to_owned(), place: place.into(), what: what.into(), advice: advice.into() }
+    }
+}
+
+/// Whether the system refuses because there is no room left: on the disk, or in what a user may take of it.
+fn has_no_room(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_an_error_of_writing_whether_a_file_is_created_or_written() {
+        let path = Path::new("out/sheet.abc");
+        let full = || std::io::Error::from(ErrorKind::StorageFull);
+        let alembic = |source| IoError::from(AlembicError::Io { path: path.to_owned(), action: "create", source });
+        assert_eq!(IoError::creating(path, full()).kind(), IoErrorKind::Io);
+        assert_eq!(alembic(full()).kind(), IoErrorKind::Io);
+        assert_eq!(IoError::creating(path, ErrorKind::QuotaExceeded.into()).kind(), IoErrorKind::Io);
+        assert_eq!(IoError::creating(path, ErrorKind::NotFound.into()).kind(), IoErrorKind::CannotCreate);
+        assert_eq!(alembic(ErrorKind::NotFound.into()).kind(), IoErrorKind::CannotCreate);
     }
 }

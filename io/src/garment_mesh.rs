@@ -11,6 +11,7 @@ use drapery_core::setup::simulated_triangles;
 use sha2::{Digest, Sha256};
 
 use crate::error::IoError;
+use crate::mesh_cut::into_triangles;
 use crate::mesh_data::MeshData;
 
 /// How the mesh of a garment is read.
@@ -117,6 +118,14 @@ impl GarmentMesh {
         Err(IoError::data(&self.path, data.object_path, what, advice))
     }
 
+    /// The mesh with the triangles that are simulated in the place of its faces, and everything handed through that belongs to them.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn cut(&self) -> Result<Self, IoError> {
+        Self::new(&self.path, self.object_path.clone(), Cut(self.clone()))
+    }
+
     /// All positions [m], for those who cannot do with pieces.
     ///
     /// # Errors
@@ -125,6 +134,25 @@ impl GarmentMesh {
         let mut all = Vec::with_capacity(self.points);
         self.reader.points(&mut |points| all.extend_from_slice(points))?;
         Ok(all)
+    }
+}
+
+/// A mesh with the triangles that are simulated.
+struct Cut(GarmentMesh);
+
+impl GarmentReader for Cut {
+    fn read(&self) -> Result<MeshData, IoError> {
+        Ok(cut(self.0.read()?))
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        self.0.reader.points(take)
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        let triangles = triangles_of(&self.0.read()?);
+        take(&vec![3; triangles.len()], triangles.as_flattened());
+        Ok(())
     }
 }
 
@@ -174,6 +202,12 @@ impl Seen {
 /// The triangles that are simulated.
 pub fn triangles_of(data: &MeshData) -> Vec<[u32; 3]> {
     data.triangles.clone().unwrap_or_else(|| simulated_triangles(&data.mesh))
+}
+
+/// The mesh with the triangles that are simulated in the place of its faces.
+pub(crate) fn cut(data: MeshData) -> MeshData {
+    let triangles = triangles_of(&data);
+    into_triangles(data, triangles)
 }
 
 /// The triangles that are simulated, where they are not just the faces.

@@ -123,7 +123,7 @@ pub fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> 
 }
 
 /// What there is instead of a file.
-fn word(kind: FileType) -> &'static str {
+pub(crate) fn word(kind: FileType) -> &'static str {
     match () {
         () if kind.is_dir() => "a folder",
         () if kind.is_fifo() => "a pipe",

@@ -90,6 +90,17 @@ impl MeshSource {
         self.reader.stated_units().is_some_and(|stated| stated.up.is_some())
     }
 
+    /// Whether the file itself says its unit of length.
+    pub fn states_length(&self) -> bool {
+        self.reader.stated_units().is_some_and(|stated| stated.metres.is_some())
+    }
+
+    /// The same mesh, read in these units.
+    #[must_use]
+    pub fn read_in(self, units: InputUnits) -> Self {
+        Self { units, ..self }
+    }
+
     /// What the chosen objects have and is not handed through, a sentence each.
     pub fn left_out(&self) -> Vec<String> {
         self.reader.left_out()

@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 12] = [
+pub static RULES: [Rule; 19] = [
     Rule {
         name: "no_gravity",
         finds: "nothing pulls the cloth down",
@@ -56,6 +56,24 @@ pub static RULES: [Rule; 12] = [
         line: "thickness = \"0.8 mm\"",
     },
     Rule {
+        name: "thin_body",
+        finds: "a body that is a mesh and thinner than coarse faces need, so that it shows through the cloth",
+        exactly: "Cloth is kept out at its vertices. What its faces and those of the body need over 95 % of the body's area in its \
+                  first frame follows from their sizes and from the angles between the body's faces \
+                  ([the scene file](scene.md)); nine tenths of it are enough. Silent where the scene says no thickness: then it \
+                  is at least that.",
+        line: "thickness = \"4 mm\"",
+    },
+    Rule {
+        name: "other_diagonal",
+        finds: "garments that intersect cloth or a body at the start if their faces are cut along the other diagonal",
+        exactly: "Caches hold the faces, which renderers cut into triangles. Looked at are both diagonals of quads, of garments and \
+                  of bodies, and of larger faces the fans from the first and the last corner. Bodies are looked at in scenes with \
+                  bodies, cloth with cloth in scenes with `[self_collision]`; with `faces = \"triangles\"` garments have no other \
+                  diagonal. What crosses later a run counts as `crossings_other_diagonal`.",
+        line: "faces = \"triangles\"",
+    },
+    Rule {
         name: "body_friction",
         finds: "a body whose `friction` overrides that of the garments' materials",
         exactly: "Friction is one number a body. Silent where it is the one that the material has, or comes from the materials.",
@@ -79,8 +97,44 @@ pub static RULES: [Rule; 12] = [
         line: "velocity = [6, 0, 0]",
     },
     Rule {
+        name: "start_speed",
+        finds: "a garment that starts faster than 100 m/s",
+        exactly: "Numbers of the scene are in metres a second, whatever `[units]` says of the files. `velocity` and the speed of \
+                  `random_velocity` count together.",
+        line: "velocity = [0, 0, 2]",
+    },
+    Rule {
+        name: "density",
+        finds: "a garment lighter than 5 g/m² or heavier than 20 kg/m²",
+        exactly: "A bare number is in kg/m²: 150 is a lead plate, \"150 g/m²\" is a shirt. Gauze has 15 g/m², chain mail 10 kg/m². \
+                  `total_mass` is not looked at.",
+        line: "density = \"150 g/m²\"",
+    },
+    Rule {
+        name: "start_crossed",
+        finds: "garments that cross themselves, each other or a body before anything moves",
+        exactly: "Looked for in scenes with `[self_collision]`, exactly, of edges with triangles. What crosses at the start is never \
+                  made worse, and it is pulled apart where a way out is known; until then it is left alone, and shows.",
+        line: "start = \"coat.abc@990\"",
+    },
+    Rule {
+        name: "start_lengths",
+        finds: "edges of a garment that are three times as long at the start as at rest, or have no length",
+        exactly: "`start`, `jitter` and what pins follow move vertices away from the rest shape. One edge is enough: such an edge pulls \
+                  or pushes harder than any fabric bears.",
+        line: "start = \"coat.abc@990\"",
+    },
+    Rule {
+        name: "idle_setting",
+        finds: "numbers that change nothing in this scene, because of another setting",
+        exactly: "Looked for: `solver.steps_per_frame` without `tr_bdf2`, and `solver.cfl` with it; `stiffness` and `limit` of \
+                  `[self_repulsion]` with `tr_bdf2`, and `edge_attraction` without `attraction`; `ambient` of `[garment.pressure]` \
+                  without `gas`; `rest` of a body without a pre-roll. Numbers that are the default are left alone.",
+        line: "integrator = \"tr_bdf2\"",
+    },
+    Rule {
         name: "unopened_format",
-        finds: "caches in formats alone that no application opens",
+        finds: "no caches at all, or caches in formats alone that no application opens",
         exactly: "HDF5 is for analysis. Silent where another format is written beside it.",
         line: "format = [\"abc\"]",
     },

@@ -73,6 +73,18 @@ pub struct ShotDescription {
     pub warnings: Vec<String>,
     /// What the rules of a scene look at besides.
     pub check: CheckDescription,
+    /// For each body what its faces and those of the cloth ask for; `None` for bodies that are no meshes. Shorter lists mean none.
+    pub body_thickness: Vec<Option<BodyThickness>>,
+}
+
+/// The thickness of a body that is a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyThickness {
+    /// What keeps the coarse faces of the body and of the cloth from showing through each other [m]
+    /// ([`drapery_core::geometry::coarseness`]).
+    pub needed: f64,
+    /// Whether the scene says the thickness itself.
+    pub is_written: bool,
 }
 
 /// What a scene file says for the rules of [`crate::rules`], and nothing else looks at.
@@ -110,4 +122,6 @@ pub struct OutputDescription {
     pub preroll: bool,
     /// Whether a run that is done writes all its USD caches as one binary layer too.
     pub usd_single: bool,
+    /// Whether garments are written with the triangles that are simulated in the place of their faces.
+    pub triangles: bool,
 }

@@ -224,6 +224,25 @@ pub fn decide(stated: StatedUnits, own: Option<Units>, general: Option<Units>) -
     }
 }
 
+/// Why a body is meant in the unit of length of `[units]`, in the place of the one that its file states and it was read in; `None` if
+/// nothing contradicts the file.
+///
+/// Programs state metres for scenes that are modelled in centimetres: Blender does, whatever the unit scale of the scene is. A body
+/// that would stand taller than a house in the unit of its file, and no taller than one in that of the scene, is meant in the latter.
+/// `height` is that in the file's unit [m].
+pub fn why_meant_in(general: Units, height: f64, read_in: InputUnits) -> Option<String> {
+    let meant = height / read_in.metres * general.length.metres();
+    let is_giant = height.is_finite() && height > *PLAUSIBLE_BODY.end();
+    (is_giant && PLAUSIBLE_BODY.contains(&meant)).then(|| {
+        format!(
+            "the file says {}, in which it is {height:.3} m high; it is read in {}, as [units] says. If it really is that size, \
+             write its `units`",
+            read_in.plural(),
+            general.length.plural()
+        )
+    })
+}
+
 /// What holds where a file of a format that states units does not state them: USD's default.
 pub const UNSTATED: InputUnits = InputUnits { metres: 0.01, up: UpAxis::Y };
 
@@ -265,11 +284,20 @@ const PLAUSIBLE_BODY: std::ops::RangeInclusive<f64> = 0.2..=20.0;
 /// Height of a person [m], to which a wrong unit is compared.
 const PERSON: f64 = 1.7;
 
-/// Says what is suspicious about the size of a body that was read from a file, and what to write instead.
+/// A size that no character has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnlikelySize {
+    /// The size in words, and the unit that it looks like.
+    pub what: String,
+    /// That unit: the one that brings it nearest to a person's height. `None` if it is the one that it was read in, or none helps.
+    pub likely: Option<LengthUnit>,
+}
+
+/// Says what is suspicious about the size of a mesh that was read from a file.
 ///
 /// `bounds` are the smallest and largest coordinates in metres after conversion from `units`. `None` when the largest
-/// extent is between 0.2 m and 20 m. The unit proposed is the one that brings the body nearest to a person's height.
-pub fn guess_problem(bounds: [Vec3; 2], units: InputUnits) -> Option<String> {
+/// extent is between 0.2 m and 20 m.
+pub fn unlikely_size(bounds: [Vec3; 2], units: InputUnits) -> Option<UnlikelySize> {
     let extent = (bounds[1] - bounds[0]).max();
     if PLAUSIBLE_BODY.contains(&extent) || !extent.is_finite() || extent <= 0.0 {
         return None;
@@ -280,14 +308,13 @@ pub fn guess_problem(bounds: [Vec3; 2], units: InputUnits) -> Option<String> {
     let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap_or_default();
     let size = if height > 0.0 && (height - extent).abs() < 1e-9 * extent { "high" } else { "across" };
     let read_as = units.plural();
-    if PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && Some(likely) != units.named() {
-        return Some(format!(
-            "it is {extent:.3} m {size} when read as {read_as}: looks like {}; set units.length = \"{}\"",
-            likely.plural(),
-            likely.word()
-        ));
-    }
-    Some(format!("it is {extent:.3e} m {size} when read as {read_as}; check units.length and the scale of its export"))
+    let likely = Some(likely)
+        .filter(|likely| PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && Some(*likely) != units.named());
+    let what = match likely {
+        Some(likely) => format!("it is {extent:.3} m {size} when read as {read_as}: looks like {}", likely.plural()),
+        None => format!("it is {extent:.3e} m {size} when read as {read_as}"),
+    };
+    Some(UnlikelySize { what, likely })
 }
 
 #[cfg(test)]
@@ -310,14 +337,16 @@ mod tests {
 
     #[test]
     fn a_body_of_172_units_is_recognised_as_centimetres() {
-        let text = guess_problem(body(172.0), Units::SI.into()).expect("172 m is not a person");
-        assert_eq!(text, "it is 172.000 m high when read as metres: looks like centimetres; set units.length = \"cm\"");
+        let UnlikelySize { what, likely } =
+            unlikely_size(body(172.0), Units::SI.into()).expect("172 m is not a person");
+        assert_eq!(what, "it is 172.000 m high when read as metres: looks like centimetres");
+        assert_eq!(likely, Some(LengthUnit::Centimetre));
         let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Y };
-        let text = guess_problem(body(0.0172), centimetres.into()).expect("17 mm is not a person");
-        assert!(text.contains("units.length = \"m\""), "{text}");
-        assert_eq!(guess_problem(body(1.72), Units::SI.into()), None);
-        assert_eq!(guess_problem(body(19.0), Units::SI.into()), None);
-        assert!(guess_problem(body(1.0e7), Units::SI.into()).is_some_and(|text| text.contains("check units.length")));
+        let small = unlikely_size(body(0.0172), centimetres.into()).expect("17 mm is not a person");
+        assert_eq!(small.likely, Some(LengthUnit::Metre), "{}", small.what);
+        assert_eq!(unlikely_size(body(1.72), Units::SI.into()), None);
+        assert_eq!(unlikely_size(body(19.0), Units::SI.into()), None);
+        assert!(unlikely_size(body(1.0e7), Units::SI.into()).is_some_and(|size| size.likely.is_none()));
     }
 
     #[test]
@@ -330,6 +359,26 @@ mod tests {
         // Ten times as large is no unit's fault.
         assert_eq!(likely_unit(16.0, metres, 1.6), None);
         assert_eq!(likely_unit(1.0, metres, 0.0), None);
+    }
+
+    #[test]
+    fn a_giant_by_the_unit_of_its_file_is_meant_in_that_of_the_scene_and_nothing_else_is() {
+        let metres = InputUnits { metres: 1.0, up: UpAxis::Z };
+        let general = |length| Units { length, up: UpAxis::Y };
+        assert_eq!(
+            why_meant_in(general(LengthUnit::Centimetre), 172.0, metres).as_deref(),
+            Some(
+                "the file says metres, in which it is 172.000 m high; it is read in centimetres, as [units] says. If it really is \
+                 that size, write its `units`"
+            )
+        );
+        // A dwarf in millimetres, a person, a floor.
+        assert_eq!(why_meant_in(general(LengthUnit::Millimetre), 172.0, metres), None);
+        assert_eq!(why_meant_in(general(LengthUnit::Centimetre), 1.72, metres), None);
+        assert_eq!(why_meant_in(general(LengthUnit::Centimetre), 0.0, metres), None);
+        // A button is small in any unit, and may be.
+        let centimetres = InputUnits { metres: 0.01, up: UpAxis::Y };
+        assert_eq!(why_meant_in(general(LengthUnit::Metre), 0.017, centimetres), None);
     }
 
     #[test]

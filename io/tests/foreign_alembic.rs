@@ -7,9 +7,11 @@ use drapery_alembic::{
     ArchiveOptions, ArchiveWriter, Durability, IDENTITY, MetaData, PolyMeshSample, PolyMeshWriter, TimeSampling,
     Topology, XformWriter,
 };
+use drapery_core::Vec3;
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::convert::{Conversion, Converted, convert};
 use drapery_io::error::{IoError, IoErrorKind};
+use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd", "usdc"] } else { &["abc", "h5"] };
 
@@ -87,6 +89,49 @@ fn frames_are_those_of_the_times_whoever_tells_the_rate() {
             let expected: Vec<_> = (1001..=1005).map(f64::from).map(|frame| (frame, [0.0, frame, 0.0])).collect();
             assert_eq!(places(&to), expected, "{rate:?} {fps:?}");
         }
+    }
+}
+
+#[test]
+fn the_unit_of_a_file_that_does_not_say_it_is_doubted_by_the_size_and_can_be_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = folder.path().join("man.abc");
+    // A man of 169 units with Z up, and nothing that says which units.
+    let extra = MetaData::new().with("FramesPerTimeUnit", "24.000000");
+    let mut archive = ArchiveWriter::create(&from, &ArchiveOptions { extra, ..ArchiveOptions::default() }).unwrap();
+    let root = archive.root();
+    let parent = XformWriter::still(&mut archive, root, "man", None).unwrap();
+    let sampling = archive.add_time_sampling(TimeSampling::uniform(1.0 / 24.0, 1.0 / 24.0).unwrap()).unwrap();
+    let mut mesh = PolyMeshWriter::declare(&mut archive, parent.object(), "skin", sampling).unwrap();
+    let points = [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [0.0, 20.0, 169.0]];
+    let topology = Some(Topology { face_counts: &[3], face_indices: &[0, 1, 2] });
+    mesh.write(&mut archive, &PolyMeshSample { topology, ..PolyMeshSample::of(&points) }).unwrap();
+    archive.finish(Durability::Flushed).unwrap();
+    for extension in FORMATS {
+        let to = |name: &str| folder.path().join(format!("{name}.{extension}"));
+        let asked = |name: &str| Conversion { from: from.clone(), to: to(name), ..Conversion::default() };
+        let done = convert(&asked("plain"), &mut |_| {}).unwrap();
+        let [unsaid, giant] = &done.doubts[..] else { panic!("{:?}", done.doubts) };
+        assert!(unsaid.contains("does not say its unit, and is read in metres; --from-length"), "{unsaid}");
+        let words =
+            "it is 169.000 m across when read as metres: looks like centimetres; if it is, say --from-length cm";
+        assert!(giant.contains(words), "{giant}");
+        // The same numbers, in another unit and with another axis.
+        let said = Conversion { from_length: Some(LengthUnit::Centimetre), from_up: Some(UpAxis::Z), ..asked("said") };
+        let done = convert(&said, &mut |_| {}).unwrap();
+        assert_eq!((done.doubts, done.units), (vec![], Units { length: LengthUnit::Centimetre, up: UpAxis::Z }));
+        let place = CacheFrames::open(&to("said")).unwrap().positions(0, 0).unwrap()[2];
+        assert!((place - Vec3::new(0.0, 1.69, -0.2)).norm() < 1e-12, "{place}");
+        // Other numbers, of the same man.
+        let metres = Conversion { to: to("metres"), length: Some(LengthUnit::Metre), up: Some(UpAxis::Y), ..said };
+        assert_eq!(convert(&metres, &mut |_| {}).unwrap().units, Units::SI);
+        let stored = CacheFrames::open(&to("metres")).unwrap().stored_positions(0, 0).unwrap().unwrap();
+        assert_eq!(stored.points[2], [0.0, 1.69, -0.2]);
+        // What a cache of this program says of itself is overruled, too, and is doubted by its size alone.
+        let again = Conversion { from: to("said"), from_length: Some(LengthUnit::Millimetre), ..asked("again") };
+        let done = convert(&again, &mut |_| {}).unwrap();
+        assert_eq!(done.units, Units { length: LengthUnit::Millimetre, up: UpAxis::Z });
+        assert!(done.doubts.len() == 1 && done.doubts[0].contains("it is 0.169 m"), "{:?}", done.doubts);
     }
 }
 

@@ -47,6 +47,34 @@ fn scene(folder: &Path, units: &str, body: &str, garment: &str) -> Result<ShotDe
 }
 
 #[test]
+fn a_giant_by_the_unit_that_its_file_states_is_read_in_the_unit_of_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    // What Blender writes of a scene in centimetres: metres, whatever the unit scale. Points are 100 units high.
+    let head = "metersPerUnit = 1\n upAxis = \"Z\"";
+    stage(folder.path(), "body.usda", head, &tetrahedron("t", ""));
+    let tops = |shot: &ShotDescription| {
+        let body = shot.bodies[0].as_ref().unwrap().source.mesh_at(0.0).unwrap().mesh.points[3];
+        [body, shot.garments[0].positions().unwrap()[3]]
+    };
+    let shot = scene(folder.path(), "[units]\nlength = \"cm\"", "", "").unwrap();
+    assert_eq!(tops(&shot), [Vec3::y(); 2]);
+    let said = shot.warnings.join("\n");
+    assert!(
+        said.contains("says metres, in which it is 100.000 m high; it is read in centimetres, as [units] says"),
+        "{said}"
+    );
+    assert!(said.contains("it is read in centimetres, as a body is whose file says the same unit wrongly"), "{said}");
+    assert!(!said.contains("and is read so, although"), "{said}");
+    // What is said of the file itself goes over its size, and so does what fits the file.
+    let own = "units = { length = \"m\", up = \"Z\" }";
+    let shot = scene(folder.path(), "[units]\nlength = \"cm\"", own, own).unwrap();
+    assert_eq!(tops(&shot), [Vec3::y() * 100.0; 2]);
+    stage(folder.path(), "body.usda", "metersPerUnit = 0.01\n upAxis = \"Z\"", &tetrahedron("t", ""));
+    let shot = scene(folder.path(), "[units]\nlength = \"mm\"", "", "").unwrap();
+    assert_eq!(tops(&shot), [Vec3::y(); 2]);
+}
+
+#[test]
 fn units_and_axis_come_from_the_file_and_the_scene_may_leave_them_out() {
     let folder = tempfile::tempdir().unwrap();
     stage(folder.path(), "body.usda", CENTIMETRES, &tetrahedron("t", ""));

@@ -14,10 +14,10 @@ use drapery_core::tolerances::DEGENERATE_AREA;
 use drapery_io::error::IoError;
 use drapery_io::input_motion::InputMotion;
 use drapery_io::mesh_data::Connectivity;
-use drapery_io::units::guess_problem;
+use drapery_io::units::{LengthUnit, UpAxis, unlikely_size};
 
 use poses::Poses;
-pub(crate) use poses::path_warning;
+pub(crate) use poses::{JUMP, path_warning, spin_warning};
 
 /// A step between samples this many times longer than usual is a hole.
 const HOLE: f64 = 1.5;
@@ -81,15 +81,31 @@ pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<St
     let empty = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
     let bounds = positions.iter().fold(empty, |[low, high], p| [low.inf(p), high.sup(p)]);
     let units = motion.source.units();
-    let what = guess_problem(bounds, units)?;
+    let size = unlikely_size(bounds, units)?;
     // The same question for its height alone: a wide floor has a plausible height, or none.
     let height = [Vec3::zeros(), Vec3::new(0.0, bounds[1].y - bounds[0].y, 0.0)];
-    if motion.own_units || guess_problem(height, units).is_none() {
-        warnings.push(format!("{} ({}): {what}", motion.label, motion.source.path().display()));
+    let place = format!("{} ({})", motion.label, motion.source.path().display());
+    let remedy = unit_remedy(motion, size.likely, units.up);
+    if motion.own_units || unlikely_size(height, units).is_none() {
+        warnings.push(format!("{place}: {}; {remedy}", size.what));
         return None;
     }
-    let advice = "correct the units; if it really is that size, write `units` at this body";
-    Some(Problem::scene(format!("{} ({})", motion.label, motion.source.path().display()), what, advice))
+    let advice = if motion.source.states_length() {
+        "a unit that the file states goes over [units], and `units` at this body over both"
+    } else {
+        "correct the units; if it really is that size, write `units` at this body"
+    };
+    Some(Problem::scene(place, format!("{}; {remedy}", size.what), advice))
+}
+
+/// What to write where a body has the size that it has in another unit.
+fn unit_remedy(motion: &InputMotion, likely: Option<LengthUnit>, up: UpAxis) -> String {
+    let of_body = motion.own_units || motion.source.states_length();
+    match likely.map(LengthUnit::word) {
+        Some(word) if of_body => format!("write units = {{ length = \"{word}\", up = \"{up:?}\" }} at this body"),
+        Some(word) => format!("set units.length = \"{word}\""),
+        None => "check units.length and the scale of its export".to_owned(),
+    }
 }
 
 /// Faces of a body that have no normal, or lie on each other, in its first pose; points without faces are only odd.

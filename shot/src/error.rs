@@ -16,6 +16,9 @@ pub enum ShotError {
     /// The scene or its inputs are wrong; all problems.
     #[error("{0}")]
     Problems(Problems),
+    /// What was asked for is not in the shot: a garment, a body.
+    #[error("{0}")]
+    Unknown(String),
     /// The frames asked for cannot be simulated.
     #[error("{0}")]
     Frames(String),
@@ -34,6 +37,19 @@ pub enum ShotError {
         folder: PathBuf,
         /// What has changed.
         changes: Vec<String>,
+    },
+    /// The checkpoint that a run goes on from does not fit the shot as it is now.
+    #[error(
+        "{}: this checkpoint is of another shot: {what}\n  \
+         help: --resume-with-changes continues with other numbers, and not with other meshes, garments or pins: start anew with \
+         --overwrite, or choose another folder with --out",
+        path.display()
+    )]
+    OtherState {
+        /// The checkpoint.
+        path: PathBuf,
+        /// What does not fit.
+        what: String,
     },
     /// A frame before the one that a run is told to go on after is not what was written.
     #[error(

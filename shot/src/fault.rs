@@ -105,8 +105,8 @@ impl FaultKind {
     pub fn of_shot(error: &ShotError) -> Self {
         match error {
             ShotError::Io(error) => Self::of_io(error),
-            ShotError::Frames(_) | ShotError::Resume(_) => Self::Usage,
-            ShotError::Changed { .. } => Self::CannotCreate,
+            ShotError::Unknown(_) | ShotError::Frames(_) | ShotError::Resume(_) => Self::Usage,
+            ShotError::Changed { .. } | ShotError::OtherState { .. } => Self::CannotCreate,
             ShotError::FrameChanged { .. } | ShotError::Step(StepError::Input { .. }) => Self::BadInput,
             ShotError::Step(_) => Self::SolverGaveUp,
             // Whoever corrects the scene first may find that the data was right.

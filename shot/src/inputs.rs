@@ -8,7 +8,7 @@ use drapery_io::error::IoError;
 use drapery_io::input_motion::{InputMotion, Preroll};
 use drapery_io::wind_file::WindFile;
 
-use crate::check::{BodySurface, Span, check_faces, check_motion, check_size, path_warning};
+use crate::check::{BodySurface, Span, check_faces, check_motion, check_size, path_warning, spin_warning};
 use crate::error::ShotError;
 use crate::remote_simulation::RemoteSimulation;
 
@@ -54,7 +54,11 @@ impl Inputs {
                 problems.extend(check_size(motion, span, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
             } else {
-                warnings.extend(path_warning(&format!("body \"{}\"", body.name), &body.motion.path));
+                let place = format!("body \"{}\"", body.name);
+                warnings.extend(path_warning(&place, &body.motion.path));
+                if let BodyShape::Rigid(shape) = &body.shape {
+                    warnings.extend(spin_warning(&place, shape, &body.motion));
+                }
             }
         }
         for (number, pin) in scene.pins.iter().enumerate() {

@@ -29,6 +29,7 @@ pub mod fault;
 mod frame_digest;
 mod inputs;
 mod long_frames;
+mod overstretched;
 mod pinned;
 pub mod quality;
 pub mod recorded_frames;
@@ -43,6 +44,7 @@ mod shot;
 mod single_layer;
 pub mod steps;
 mod towards_frame;
+mod written_faces;
 
 pub use error::ShotError;
 pub use shot::{RenderMeshSize, Shot};

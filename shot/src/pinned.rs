@@ -37,7 +37,7 @@ impl Shot {
 }
 
 /// Growth of the strain between pins since it was reported last that is worth reporting again.
-const MUCH_WORSE: f64 = 1.5;
+pub(crate) const MUCH_WORSE: f64 = 1.5;
 
 /// Says of a frame of a run where pins tear the cloth between them apart: for the first time, and where it has become much worse
 /// than was `reported`.

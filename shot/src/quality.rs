@@ -9,22 +9,46 @@ pub const LIMITS: &[(&str, &str)] = &[
     ),
     (CROSSINGS_WRITTEN, "intersections of cloth with cloth in the positions stored in the caches"),
     (
+        CROSSINGS_OTHER_DIAGONAL,
+        "intersections of cloth with cloth or bodies in the caches where faces are cut along the other diagonal, as renderers may \
+         cut them",
+    ),
+    (
         "zone_fallbacks",
         "collisions that no impact zone could resolve: that cloth was reset to its last collision-free \
          positions",
     ),
     ("cg_short", "velocity solves that did not converge to their tolerance"),
-    ("retried_held", "collision steps in which vertices were held in place, because nothing else kept the step finite"),
-    ("steps_accepted", "collision steps that were accepted in spite of a failure"),
+    ("retried_held", "collision steps in which vertices kept their positions, because no other attempt succeeded"),
     ("pairs_pinched", "contacts of cloth dropped because a body or pinned vertices pinch the cloth"),
     ("pins_behind", "pinned vertices that lagged behind their targets"),
     ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
     ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
+    ("edges_overstretched", "edges at the end of a frame that are more than twice as long as at rest"),
     ("body_pinched", "vertices pinched between bodies from both sides, inside of one of them"),
 ];
 
+/// Counts of what is tried, one after the other, when a step goes wrong, and in words. Those that are [`LIMITS`] too leave a mark in
+/// the result; steps that the others have mended are as good as any.
+pub const RETRIES: &[(&str, &str)] = &[
+    ("retried_shorter", "tried again with half the time step"),
+    ("retried_tighter", "tried again with tighter solves"),
+    ("retried_more_attempts", "tried again with more attempts to resolve collisions"),
+    ("retried_zones", "tried again with impact zones at once"),
+    ("retried_thinner", "tried again without repulsions around the vertices concerned"),
+    ("retried_held", "tried again with the vertices concerned held in place"),
+];
+
+/// Whether a count is one that a result answers for.
+pub fn is_limit(name: &str) -> bool {
+    LIMITS.iter().any(|(limit, _)| *limit == name)
+}
+
 /// Name of the count of crossings in the positions that the caches store.
 pub(crate) const CROSSINGS_WRITTEN: &str = "crossings_written";
+
+/// Name of the count of crossings in what is stored that only another cut of the faces has.
+pub(crate) const CROSSINGS_OTHER_DIAGONAL: &str = "crossings_other_diagonal";
 
 /// A count that should have stayed zero.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,6 +87,12 @@ pub fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counted: impl Fn(&str) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_tried_against_a_failure_ends_with_what_a_result_answers_for() {
+        let limits: Vec<&str> = RETRIES.iter().map(|(name, _)| *name).filter(|name| is_limit(name)).collect();
+        assert_eq!(limits, ["retried_held"]);
+    }
 
     #[test]
     fn the_first_frame_and_the_total_of_each_limit_are_kept() {

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
-use drapery_core::observe::{Observer, Sink, Tracepoint};
+use drapery_core::observe::{ChecksumSink, Observer, Sink, Tracepoint};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::gather::VertexField;
 use drapery_core::scene::{Scene, SceneDescription};
@@ -33,6 +33,8 @@ enum Command {
     Restore,
     /// Look at the cloth after these lines; so many steps were made since the last frame.
     Observe { tracepoints: Vec<String>, steps: u64 },
+    /// Take checksums of the cloth after every line.
+    Checksums,
     /// Go on towards the frame of that input.
     Advance,
     /// Say what is asked for here.
@@ -66,6 +68,7 @@ drapery_core::codec! { enum Command {
     11 => State,
     12 => Save,
     13 => End { code },
+    14 => Checksums,
 } }
 
 /// Name of the message that a command is.
@@ -134,6 +137,12 @@ impl RemoteSimulation {
         let as_text = tracepoints.iter().map(Tracepoint::to_string).collect();
         announce(&self.ranks, Command::Observe { tracepoints: as_text, steps });
         observe(&mut self.simulation, tracepoints.to_vec(), steps, Some(sink));
+    }
+
+    /// Gives `sink` checksums of the cloth after every line from now on.
+    pub(super) fn observe_checksums(&mut self, sink: ChecksumSink) {
+        announce(&self.ranks, Command::Checksums);
+        observe_checksums(&mut self.simulation, Some(sink));
     }
 
     /// Goes on towards the frame that was shared last. At states free of collisions `ask` says what is asked for here; what all
@@ -278,6 +287,7 @@ impl Worker {
                 let points = tracepoints.iter().map(|text| text.parse().expect("rank 0 writes what can be read"));
                 observe(self.started(), points.collect(), steps, None);
             }
+            Command::Checksums => observe_checksums(self.started(), None),
             Command::Advance => {
                 let input = self.input.take().expect("an input comes before its frame");
                 let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
@@ -316,6 +326,11 @@ fn share(ranks: &Ranks, scene: &Scene, input: FrameInput) -> FrameInput {
 fn observe(simulation: &mut Simulation, tracepoints: Vec<Tracepoint>, steps: u64, sink: Option<Sink>) {
     let next = simulation.frame() + 1;
     simulation.observe(Some(Observer::new(tracepoints, (next, steps), sink)));
+}
+
+fn observe_checksums(simulation: &mut Simulation, sink: Option<ChecksumSink>) {
+    let next = simulation.frame() + 1;
+    simulation.observe(Some(Observer::of_checksums(next, sink)));
 }
 
 fn advance(

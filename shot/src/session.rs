@@ -124,8 +124,7 @@ impl Session {
             Err(ShotError::Problems(Problems(vec![Problem::data(place, what, advice)])))
         };
         let Some(described) = bodies.get(body) else {
-            let what = format!("the scene has {} bodies, counted from 0", bodies.len());
-            return refuse(format!("body {body}"), what, "look their numbers up by their names");
+            return Err(unknown("body", body, (bodies.len(), "bodies")));
         };
         let place = format!("body \"{}\", frame {next}", described.name);
         let BodyShape::Surface { point_count, .. } = &described.shape else {
@@ -203,9 +202,7 @@ impl Session {
         let shot = self.shot.as_ref().ok_or_else(gone)?;
         let count = self.views.len();
         let Some(view) = self.views.get_mut(garment) else {
-            let what = format!("the scene has {count} garments, counted from 0");
-            let problem = Problem::data(format!("garment {garment}"), what, "look their numbers up by their names");
-            return Err(ShotError::Problems(Problems(vec![problem])));
+            return Err(unknown("garment", garment, (count, "garments")));
         };
         let kept = &mut view[usize::from(field == VertexField::Velocities)];
         Ok(kept.get_or_insert_with(|| shot.remote_simulation.field(garment, field)))
@@ -268,6 +265,12 @@ impl Session {
         self.shot = Some(shot);
         Ok(())
     }
+}
+
+/// A number that no garment or body has.
+fn unknown(what: &str, number: usize, (count, all): (usize, &str)) -> ShotError {
+    let advice = "look their numbers up by their names";
+    ShotError::Unknown(format!("{what} {number}: the scene has {count} {all}, counted from 0\n  help: {advice}"))
 }
 
 /// There is no simulation any more.

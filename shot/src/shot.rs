@@ -11,6 +11,7 @@ use drapery_core::error::Problems;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
+use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::Simulation;
 use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::FORMAT_VERSION;
@@ -18,7 +19,8 @@ use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::memory_mesh::MemoryMeshes;
 use drapery_io::mesh_data::MeshData;
-use drapery_io::shot_description::{OutputDescription, RenderMeshDescription, ShotDescription};
+use drapery_io::shot_description::{BodyThickness, OutputDescription, RenderMeshDescription, ShotDescription};
+use drapery_io::units::Units;
 
 use crate::error::ShotError;
 use crate::farm::digest::{Fingerprint, Versions};
@@ -28,12 +30,15 @@ use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::{JudgedBinding, RenderMesh};
 use crate::rules::{self, Facts, Warning};
 use crate::single_layer;
+use crate::written_faces::{OtherCut, WrittenFaces};
 
 /// A shot that was checked and can run.
 pub struct Shot {
     pub(crate) remote_simulation: RemoteSimulation,
     pub(crate) inputs: Inputs,
     pub(crate) garments: Vec<GarmentMesh>,
+    /// These as they are written.
+    pub(crate) written: Vec<GarmentMesh>,
     pub(crate) render_meshes: Vec<RenderMesh>,
     pub(crate) about: About,
     pub(crate) warnings: Vec<Warning>,
@@ -54,9 +59,13 @@ pub(crate) struct About {
     pub(crate) last_frame: i64,
     /// Names of the garments.
     pub(crate) garments: Vec<String>,
+    /// Names of their materials; `None` where the scene names none.
+    pub(crate) materials: Vec<Option<String>>,
     /// Whether the scene promises cloth without crossings.
     pub(crate) keeps_free: bool,
     pub(crate) output: OutputDescription,
+    /// For each body that is a mesh what its faces and those of the cloth ask for.
+    pub(crate) body_thickness: Vec<Option<BodyThickness>>,
     pub(crate) resolved: String,
 }
 
@@ -98,15 +107,22 @@ impl Shot {
     ) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, wind, garments, render_meshes, preroll, output, .. } = description;
         let mut warnings = description.warnings;
-        let last_frame = last_frame(description.frames, frames, &mut warnings)?;
+        let last_frame = last_frame(description.frames, frames)?;
         let timeline = scene.timeline;
         let first_frame = if output.preroll { timeline.start } else { timeline.origin };
         let sub_frames = (output.sub_frames.clone(), first_frame);
         let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
         problems.extend(single_layer::problem(&output, [first_frame, last_frame], (&garments, &render_meshes)));
-        let check = description.check;
-        let facts = Facts { scene: &scene, inputs: &inputs, garments: &garments, output: &output, check: &check };
+        let (check, body_thickness) = (description.check, description.body_thickness);
+        let facts = Facts {
+            scene: &scene,
+            inputs: &inputs,
+            garments: &garments,
+            output: &output,
+            check: &check,
+            body_thickness: &body_thickness,
+        };
         let mut of_rules = rules::of_scene(&facts);
         let about = About {
             name: description.name,
@@ -118,8 +134,10 @@ impl Shot {
             first_frame,
             last_frame,
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
+            materials: check.fabrics.iter().map(|fabric| fabric.as_ref().map(|fabric| fabric.name.clone())).collect(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
             output,
+            body_thickness,
             resolved: description.resolved,
         };
         let remote_simulation = match RemoteSimulation::distribute(ranks, scene) {
@@ -142,6 +160,9 @@ impl Shot {
         };
         warnings.extend_from_slice(remote_simulation.simulation().warnings());
         of_rules.extend(rules::of_simulation(remote_simulation.simulation(), &check.silenced));
+        let written = if about.output.triangles { cut(&garments)? } else { garments.clone() };
+        let cuts = start_cuts(&written, &inputs, &remote_simulation, about.output.units)?;
+        of_rules.extend(rules::of_other_cuts(&cuts, &check.silenced));
         let bind = |mesh: RenderMeshDescription| {
             let garment = (&garments[mesh.garment], about.garments[mesh.garment].as_str());
             RenderMesh::bind(mesh, garment)
@@ -151,7 +172,7 @@ impl Shot {
         warnings.extend(bindings.iter().filter_map(JudgedBinding::loose_in_words));
         of_rules.extend(rules::of_bindings(&bindings, &check.silenced));
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
-        Ok(Self { remote_simulation, inputs, garments, render_meshes, about, warnings })
+        Ok(Self { remote_simulation, inputs, garments, written, render_meshes, about, warnings })
     }
 
     /// What is suspicious but was accepted.
@@ -192,6 +213,12 @@ impl Shot {
     /// What is written.
     pub fn output(&self) -> &OutputDescription {
         &self.about.output
+    }
+
+    /// For each body that is a mesh what keeps coarse faces from showing through, and whether the scene says otherwise; `None` for
+    /// the others.
+    pub fn body_thickness(&self) -> &[Option<BodyThickness>] {
+        &self.about.body_thickness
     }
 
     /// The file of the whole shot in this folder, if the scene asks for one.
@@ -256,23 +283,49 @@ impl Shot {
     }
 }
 
-/// The last frame of a run. A range that ends after the scene's own is cut; one that starts elsewhere is refused.
-fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>, warnings: &mut Vec<String>) -> Result<i64, ShotError> {
+/// Garments with the triangles that are simulated.
+fn cut(garments: &[GarmentMesh]) -> Result<Vec<GarmentMesh>, IoError> {
+    garments.iter().map(GarmentMesh::cut).collect()
+}
+
+/// What crosses at the start along diagonals that the solver does not take.
+fn start_cuts(
+    written: &[GarmentMesh],
+    inputs: &Inputs,
+    remote_simulation: &RemoteSimulation,
+    units: Units,
+) -> Result<Vec<OtherCut>, IoError> {
+    let simulation = remote_simulation.simulation();
+    let Some(mut faces) = WrittenFaces::of(written, inputs, simulation, units)? else { return Ok(Vec::new()) };
+    for garment in 0..written.len() {
+        faces.place(garment, &remote_simulation.stored(garment, VertexField::Positions, units));
+    }
+    Ok(faces.find(simulation))
+}
+
+/// The last frame of a run. A range that starts elsewhere than the scene's own or ends after it is refused: whoever asks for frames
+/// that are not delivered has to hear of it.
+fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>) -> Result<i64, ShotError> {
     let [scene_first, scene_last] = scene;
     let Some([first, last]) = asked else {
         return Ok(scene_last);
     };
-    if first > scene_first || last < scene_first {
+    if first != scene_first || last < scene_first {
         return Err(ShotError::Frames(format!(
             "frames {first}-{last}: cloth depends on the frames before, so a run starts at frame {scene_first}\n  \
-             help: ask for {scene_first}-{}, and take what you need of it",
+             help: ask for {scene_first}-{}, and take what you need of it; other frames of the scene are set by \
+             --set shot.frames=A-B",
             last.clamp(scene_first, scene_last.max(scene_first))
         )));
     }
-    if first < scene_first || last > scene_last {
-        warnings.push(format!("frames {first}-{last} are cut to those of the shot, {scene_first}-{scene_last}"));
+    if last > scene_last {
+        return Err(ShotError::Frames(format!(
+            "frames {first}-{last}: the shot ends at frame {scene_last}\n  \
+             help: ask for {scene_first}-{scene_last}; if the scene is to be longer and its inputs are, make it so with \
+             --set shot.frames={first}-{last}"
+        )));
     }
-    Ok(last.min(scene_last))
+    Ok(last)
 }
 
 #[cfg(test)]
@@ -280,15 +333,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_is_cut_at_its_ends_but_always_starts_at_the_first_frame() {
-        let mut warnings = Vec::new();
-        assert_eq!(last_frame([1001, 1100], None, &mut warnings).unwrap(), 1100);
-        assert_eq!(last_frame([1001, 1100], Some([1001, 1010]), &mut warnings).unwrap(), 1010);
-        assert!(warnings.is_empty());
-        assert_eq!(last_frame([1001, 1100], Some([990, 1200]), &mut warnings).unwrap(), 1100);
-        assert_eq!(warnings.len(), 1);
-        let late = last_frame([1001, 1100], Some([1050, 1060]), &mut warnings).unwrap_err();
-        assert!(late.to_string().contains("1001-1060"), "{late}");
-        assert!(last_frame([1001, 1100], Some([900, 950]), &mut warnings).is_err());
+    fn a_range_starts_at_the_first_frame_and_asks_for_no_frame_that_the_shot_does_not_have() {
+        let of = |asked| last_frame([1001, 1100], asked);
+        let refused = |asked| of(Some(asked)).unwrap_err().to_string();
+        assert_eq!(of(None).unwrap(), 1100);
+        assert_eq!(of(Some([1001, 1010])).unwrap(), 1010);
+        assert_eq!(of(Some([1001, 1100])).unwrap(), 1100);
+        let long = refused([1001, 1200]);
+        assert!(long.contains("the shot ends at frame 1100") && long.contains("shot.frames=1001-1200"), "{long}");
+        let late = refused([1050, 1060]);
+        assert!(late.contains("1001-1060"), "{late}");
+        let early = refused([990, 1010]);
+        assert!(early.contains("starts at frame 1001") && early.contains("ask for 1001-1010"), "{early}");
+        assert!(of(Some([900, 950])).is_err());
     }
 }

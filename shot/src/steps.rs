@@ -2,6 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::clock::Watch;
+use drapery_core::observe::{ChecksumSink, Sink, Tracepoint};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, Simulation};
@@ -46,6 +47,16 @@ impl SteppedShot {
         let remote_simulation =
             remote_simulation.ok_or(ShotError::Problems(drapery_core::error::Problems(problems)))?;
         Ok(Self { remote_simulation, inputs, body_frames: body_frames.max(1), last_frame: frames[1] })
+    }
+
+    /// Gives `sink` checksums of the cloth after every line of the listings from now on.
+    pub fn observe_checksums(&mut self, sink: ChecksumSink) {
+        self.remote_simulation.observe_checksums(sink);
+    }
+
+    /// Gives `sink` the cloth after the lines of these tracepoints from now on.
+    pub fn observe(&mut self, tracepoints: &[Tracepoint], sink: Sink) {
+        self.remote_simulation.observe(tracepoints, 0, sink);
     }
 
     /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.

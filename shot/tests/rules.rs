@@ -104,6 +104,60 @@ fn a_scene_without_gravity_is_told_unless_it_decided_so() {
     );
 }
 
+/// A ball of quads in the place of the figure.
+fn round_hero(folder: &Path) {
+    let (around, rows) = (24_u32, 12_u32);
+    let mut text = String::from("v 0 -0.8 0\nv 0 0.8 0\n");
+    for k in 0..(rows - 1) * around {
+        let high = std::f64::consts::PI * f64::from(k / around + 1) / f64::from(rows);
+        let along = std::f64::consts::TAU * f64::from(k % around) / f64::from(around);
+        let [x, y, z] = [high.sin() * along.sin(), -high.cos(), high.sin() * along.cos()].map(|c| 0.8 * c);
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for k in 0..around {
+        let at = |row: u32, k: u32| 3 + row * around + k % around;
+        text += &format!("f 1 {} {}\nf 2 {} {}\n", at(0, k + 1), at(0, k), at(rows - 2, k), at(rows - 2, k + 1));
+        for row in 0..rows - 2 {
+            text += &format!("f {} {} {} {}\n", at(row, k), at(row, k + 1), at(row + 1, k + 1), at(row + 1, k));
+        }
+    }
+    std::fs::write(folder.join("hero.obj"), text).expect("a file");
+}
+
+#[test]
+fn a_body_that_is_too_thin_for_coarse_cloth_is_told_unless_the_scene_leaves_it_out() {
+    let hero = |thickness: &str| with(&HERO.replace("hero.abc\"\n", &format!("hero.obj\"\n{thickness}\n")));
+    let words = ["body \"hero\": it is 2.00 mm thick", "help: write thickness = \"", "or leave it out"];
+    rule(
+        "thin_body",
+        round_hero,
+        &[(&hero("thickness = \"2 mm\""), &words)],
+        &[&hero(""), &hero("thickness = \"40 mm\"")],
+    );
+}
+
+#[test]
+fn faces_that_meet_a_body_along_the_diagonal_that_is_not_simulated_are_told_at_the_start() {
+    // The simulated diagonal is in a valley at 1 m, the other one on a ridge at 1.4 m, and the tip of the body at 1.2 m.
+    let files = |folder: &Path| {
+        let quad = "v -0.9 1 0\nv 0 1.4 -1\nv 0.9 1 0\nv 0 1.4 1\nf 1 2 3 4\n";
+        let body = "v 0.01 1.2 0.02\nv -0.5 3 -0.5\nv 0.5 3 -0.5\nv 0 3 0.5\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+        std::fs::write(folder.join("quad.obj"), quad).expect("a file");
+        std::fs::write(folder.join("hero.obj"), body).expect("a file");
+    };
+    let scene = with(HERO).replace("hero.abc", "hero.obj");
+    let scene = scene.replace("panel = { resolution = 12, center = [5, 1, 0] }", "rest = \"quad.obj\"");
+    let words = [
+        "garment \"sheet\" intersects body \"hero\"",
+        "cut along the other diagonal",
+        "(face 0) of sheet",
+        "at the start",
+        "help: write a larger `thickness` at the body",
+    ];
+    let triangles = format!("{scene}[output]\nfaces = \"triangles\"\n");
+    rule("other_diagonal", files, &[(&scene, &words)], &[&triangles]);
+}
+
 #[test]
 fn a_wind_faster_than_any_storm_is_warned_of() {
     let wind = |velocity: &str| with(&format!("[wind]\ndensity = 1\n{velocity}\n"));
@@ -280,11 +334,148 @@ fn caches_that_no_application_opens_are_told() {
     rule(
         "unopened_format",
         without_file,
-        &[(
-            &with("[output]\nformat = [\"h5\"]\n"),
-            &["\"h5\" alone, which no application opens", "format = [\"abc\", \"h5\"]"],
-        )],
+        &[
+            (
+                &with("[output]\nformat = [\"h5\"]\n"),
+                &["\"h5\" alone, which no application opens", "format = [\"abc\", \"h5\"]"],
+            ),
+            (&with("[output]\nformat = []\n"), &["output: no caches are written", "help: write format = [\"abc\"]"]),
+        ],
         &[SHEET, &with("[output]\nformat = [\"abc\", \"h5\"]\n")],
+    );
+}
+
+#[test]
+fn a_garment_that_starts_faster_than_anything_it_could_survive_is_told() {
+    let starts = |keys: &str| with(&format!("{keys}\n"));
+    let random = |speed: &str| starts(&format!("random_velocity = {{ speed = {speed}, seed = 3 }}"));
+    rule(
+        "start_speed",
+        without_file,
+        &[
+            (
+                &starts("velocity = [0, -1e6, 0]"),
+                &["garment \"sheet\": it starts at 1000000 m/s", "in m/s: a hundredth"],
+            ),
+            (&starts("velocity = [80, 0, 80]"), &["it starts at 113 m/s"]),
+            (&random("\"120 m/s\""), &["garment \"sheet\": vertex ", "starts at 120 m/s"]),
+        ],
+        &[&starts("velocity = [0, -99, 0]"), &random("99")],
+    );
+}
+
+#[test]
+fn a_garment_that_weighs_what_no_fabric_weighs_is_told() {
+    let weighs = |density: &str| {
+        SHEET
+            .replace("material = \"cotton_shirting\"", &format!("density = {density}\nstretch = {{ stiffness = 100 }}"))
+    };
+    rule(
+        "density",
+        without_file,
+        &[
+            (&weighs("150"), &["garment \"sheet\": its density is 150 kg/m²", "help: write density = \"150 g/m²\""]),
+            (&weighs("1e-4"), &["its density is 0.0001 kg/m²", "\"150 g/m²\", which is a shirt's"]),
+        ],
+        &[&weighs("0.15"), &weighs("\"15 g/m²\""), &weighs("10.0")],
+    );
+}
+
+#[test]
+fn garments_that_start_crossed_are_told_with_how_often_and_where() {
+    let second = |center: &str| {
+        with(&format!(
+            "[[garment]]\nname = \"scarf\"\nmaterial = \"cotton_shirting\"\n\
+             panel = {{ resolution = 7, center = {center}, rotation = {{ axis = [1, 0, 0], degrees = 90 }} }}\n"
+        ))
+    };
+    // Three layers of a strip that are closer than an edge, and pushed through each other.
+    let folded = with("folds = { layers = 3, gap = 0.01 }\njitter = { axis = \"y\", amplitude = 0.03, seed = 1 }\n")
+        .replace("resolution = 12", "resolution = 12, aspect = 3.0");
+    rule(
+        "start_crossed",
+        without_file,
+        &[
+            (
+                &second("[5.013, 1.017, 0.021]"),
+                &[
+                    "garment \"s",
+                    "it crosses garment \"s",
+                    " pairs of an edge and a triangle; the first is edge ",
+                    "move them apart",
+                ],
+            ),
+            (&folded, &["garment \"sheet\": it crosses itself at the start, in ", "unfold it at the start"]),
+        ],
+        &[
+            &second("[5.013, 2.1, 0.021]"),
+            &format!("{}[effects]\nwithout = [\"self_collision\"]\n", second("[5.013, 1.017, 0.021]")),
+        ],
+    );
+}
+
+#[test]
+fn edges_that_start_far_too_long_or_without_length_are_told() {
+    // Heights of the points differ by up to half a metre, where edges are 8 cm long.
+    let jittered = |amplitude: &str| with(&format!("jitter = {{ axis = \"y\", amplitude = {amplitude}, seed = 1 }}\n"));
+    let poses = |folder: &Path| {
+        let write = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
+        let rest = sheets(5, &[(1.0, false)]);
+        // The corner has come upon its neighbour.
+        write("pose.obj", rest.replace("v 0 1 0\n", "v 0.25 1 0\n"));
+        write("small.obj", rest.replace("v 0 1 0\n", "v 0.05 1 0\n"));
+        write("rest.obj", rest);
+    };
+    let from_files = |start: &str| {
+        format!(
+            "drapery = 1\n[shot]\nframes = \"2-3\"\n[units]\nlength = \"m\"\n[gravity]\n[[garment]]\nname = \"sheet\"\n\
+             rest = \"rest.obj\"\nstart = \"{start}\"\nmaterial = \"cotton_shirting\"\n"
+        )
+    };
+    rule(
+        "start_lengths",
+        poses,
+        &[
+            (&jittered("0.5"), &["garment \"sheet\": of its ", " are too long, edge ", " times as long as at rest"]),
+            (&from_files("pose.obj"), &["garment \"sheet\": of its 56 edges, 1 have no length at the start"]),
+        ],
+        &[&jittered("0.05"), &from_files("small.obj"), &from_files("rest.obj")],
+    );
+}
+
+#[test]
+fn numbers_that_change_nothing_are_told_with_what_they_need() {
+    let solver = |keys: &str| with(&format!("[solver]\n{keys}\n"));
+    let repulsion = |keys: &str| SHEET.replace("[self_repulsion]\n", &format!("[self_repulsion]\n{keys}\n"));
+    let ball = |keys: &str| {
+        SHEET.replace("panel = { resolution = 12, center = [5, 1, 0] }", "sphere = { resolution = 6, radius = 0.5 }")
+            + &format!("[garment.pressure]\noverpressure = 100\n{keys}\n")
+    };
+    let long = "[solver]\nintegrator = \"tr_bdf2\"\n";
+    let held = with(HERO) + "rest = \"hero.abc@1\"\n";
+    let standing = |folder: &Path| hero(folder, STANDING, 24.0, true);
+    rule(
+        "idle_setting",
+        standing,
+        &[
+            (
+                &solver("steps_per_frame = 4"),
+                &["solver: `steps_per_frame` changes nothing here", "integrator = \"tr_bdf2\""],
+            ),
+            (&solver("integrator = \"tr_bdf2\"\ncfl = 2.0"), &["solver: `cfl` changes nothing here"]),
+            (&(repulsion("limit = 0.2") + long), &["self_repulsion: `limit` changes nothing here"]),
+            (&repulsion("attraction = false\nedge_attraction = 0.1"), &["`edge_attraction` changes nothing here"]),
+            (&ball("ambient = 90000"), &["garment \"sheet\", pressure: `ambient` changes nothing here", "gas = true"]),
+            (&held, &["body \"hero\": `rest` changes nothing here", "preroll"]),
+        ],
+        &[
+            &solver("cfl = 2.0"),
+            &solver("preset = \"preview\""),
+            &solver("integrator = \"tr_bdf2\"\nsteps_per_frame = 4"),
+            &repulsion("limit = 0.2"),
+            &ball("ambient = 90000\ngas = true"),
+            &held.replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 2 }"),
+        ],
     );
 }
 

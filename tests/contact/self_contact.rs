@@ -36,7 +36,7 @@ fn sheets(count: usize, cells: usize, dx: f64, gap: f64) -> SceneDescription {
     description
 }
 
-fn with_contact(mut description: SceneDescription) -> SceneDescription {
+pub(crate) fn with_contact(mut description: SceneDescription) -> SceneDescription {
     description.effects.push(EffectRequest::of_scene("self_repulsion"));
     description.effects.push(EffectRequest::of_scene("self_collision"));
     description
@@ -55,12 +55,17 @@ fn all_positions(simulation: &Simulation) -> Vec<Vec3> {
 
 /// Crossings among all garments with their vertices where they are written, in single precision.
 fn crossings_as_written(simulation: &Simulation) -> usize {
+    crossings_as_stored(simulation, |x| f64::from(x as f32))
+}
+
+/// Crossings among all garments with every component of their positions as `store` has it.
+pub(crate) fn crossings_as_stored(simulation: &Simulation, store: impl Fn(f64) -> f64) -> usize {
     let mut triangles = Vec::new();
     for (garment, mesh) in simulation.scene().meshes().iter().enumerate() {
         let first = simulation.scene().parts().garment(garment).start as u32;
         triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + first)));
     }
-    let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(|c| f64::from(c as f32))).collect();
+    let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(&store)).collect();
     let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
     let tree = Bvh::build(&triangles.iter().map(box_of).collect::<Vec<_>>());
     let owners = EdgeOwners::new(&triangles);
@@ -241,6 +246,52 @@ fn sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart() {
     assert_eq!(crossings, 0, "after 1.5 s");
 }
 
+/// A band wound twice through itself along a curve that meets itself, with these rows and columns of vertices pinned.
+fn wound_twice(rows: &[u32], columns: &[u32]) -> SceneDescription {
+    const CELLS: [usize; 2] = [24, 3];
+    let (mesh, length) = (sheet(CELLS[0], CELLS[1], 0.03), 0.03 * CELLS[0] as f64);
+    let wound = |p: &Vec3| {
+        let share = p.x / length;
+        let angle = 2.0 * std::f64::consts::TAU * share;
+        let radius = length / (2.0 * std::f64::consts::TAU) + 0.02 * (3.0 * angle).sin() * share;
+        Vec3::new(radius * angle.cos(), radius * angle.sin(), p.z)
+    };
+    let start = Some(mesh.points.iter().map(wound).collect());
+    let garment = GarmentDescription { thickness: THICKNESS, start, ..GarmentDescription::new("band", mesh, 0.2) };
+    let mut description = with_contact(scene_of(garment, 24));
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    let across = CELLS[0] as u32 + 1;
+    rows.iter().for_each(|row| add_pins(&mut description, (0..across).map(|i| row * across + i).collect()));
+    let last = CELLS[1] as u32;
+    columns.iter().for_each(|column| add_pins(&mut description, (0..=last).map(|k| k * across + column).collect()));
+    description
+}
+
+#[test]
+fn a_band_that_starts_wound_through_itself_runs_with_any_of_its_edges_pinned() {
+    let pinned: [(&[u32], &[u32]); 3] = [(&[0], &[]), (&[0, 3], &[]), (&[], &[0])];
+    for ((rows, columns), integrator) in
+        pinned.into_iter().flat_map(|pins| [Integrator::SemiImplicit, Integrator::TrBdf2].map(|how| (pins, how)))
+    {
+        let mut description = wound_twice(rows, columns);
+        description.solver.integrator = integrator;
+        let mut simulation = start(description);
+        let mut crossings = simulation.crossings().len();
+        assert!(crossings > 50, "{crossings}");
+        for frame in 0..2 {
+            let summary = run(&mut simulation, 1);
+            let now = simulation.crossings().len();
+            assert!(now <= crossings, "{rows:?} {columns:?}, {integrator:?}, frame {frame}: {now} after {crossings}");
+            assert_eq!(summary.metrics.counted("crossings"), now as u64);
+            // Pinned nodes alone threw others at 1e16 m/s.
+            let fastest = velocities(&simulation).iter().map(Vec3::norm).fold(0.0, f64::max);
+            assert!(fastest < 30.0, "{rows:?} {columns:?}, {integrator:?}, frame {frame}: {fastest} m/s");
+            crossings = now;
+        }
+    }
+}
+
 #[test]
 fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_cannot_follow() {
     let mut description = with_contact(sheets(2, 8, 0.03, 0.0));
@@ -332,7 +383,7 @@ fn a_pin_draws_its_vertex_from_behind_cloth_without_a_blow() {
     }
     assert!(all.counted("pins_behind") > 0 && all.counted("collision_hits") > 0, "nothing was in its way");
     assert_eq!(positions(&simulation)[0], home, "it has arrived");
-    for level in ["retried_shorter", "retried_tighter", "retried_thinner", "steps_accepted"] {
+    for level in ["retried_shorter", "retried_tighter", "retried_thinner", "retried_held"] {
         assert_eq!(all.counted(level), 0, "{level}");
     }
 }

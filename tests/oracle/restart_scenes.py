@@ -110,5 +110,5 @@ def make_shots(folder, mannequin):
         "twister": Shot(scene("twister", twister), "0-12", resolution=16),
         "after position": Shot(scene("two_sheets", sheets), "0-12", resolution=16),
         "sheet": Shot(SAMPLES / "hanging_sheet.toml", "1001-1024", resolution=40),
-        "long": Shot(SAMPLES / "hanging_sheet.toml", "1001-1200", resolution=60),
+        "long": Shot(SAMPLES / "hanging_sheet.toml", "1001-1200", resolution=60, **{"shot.frames": "1001-1200"}),
     }

@@ -165,7 +165,7 @@ def problems(tmp_path_factory, drapery):
         ("no_folder", "Not a directory|make room on the disk, or choose a folder that can be written"),
         ("read_only", "/sys/drapery: "),
         ("one_folder", 'The scene "Scene 2" has the same folder'),
-        ("nothing_to_load", "holds no caches: simulate first, or choose the folder that came back from the farm"),
+        ("nothing_to_load", "holds no caches: simulate first, or choose the folder that the farm has written"),
     ],
 )
 def test_what_is_wrong_is_said_in_the_panel(problems, when, words):

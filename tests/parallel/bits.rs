@@ -75,8 +75,8 @@ impl Shot {
                 assert_eq!((a.steps, a.cg_iterations), (b.steps, b.cg_iterations), "{count:?}, frame {}", a.frame);
                 let figures = |s: &FrameSummary| [s.kinetic_energy, s.potential_energy, s.dt_min].map(f64::to_bits);
                 assert_eq!(
-                    (figures(a), &a.max_strain, &a.strains),
-                    (figures(b), &b.max_strain, &b.strains),
+                    (figures(a), &a.max_strain, &a.strains, &a.overstretched),
+                    (figures(b), &b.max_strain, &b.strains, &b.overstretched),
                     "{count:?}, frame {}",
                     a.frame
                 );

@@ -2,5 +2,6 @@
 
 mod bits;
 mod communicators;
+mod contact_bits;
 mod handing_out;
 mod odd_meshes;

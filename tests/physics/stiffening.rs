@@ -1,8 +1,12 @@
 //! Cloth that stiffens as it is pulled, in long steps, against its own curve; and what is said of strain.
 
 use drapery_core::Vec3;
-use drapery_core::scene::{EffectRequest, GarmentDescription, Integrator, SceneDescription};
-use drapery_core::simulation::Simulation;
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{
+    EffectRequest, GarmentDescription, Integrator, PinAnchor, PinTarget, Scene, SceneDescription,
+};
+use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_tests::*;
 
 const STIFFNESS: f64 = 5.0;
@@ -61,6 +65,53 @@ fn a_strip_that_stiffens_hangs_down_as_far_as_its_curve_says() {
     // Cloth of that stiffness at rest would come down more than three times as far: rho g L² / 2 Y.
     let linear = 0.2 * 9.81 * 0.6 * 0.6 / (2.0 * STIFFNESS);
     assert!(found - 0.6 < 0.4 * linear, "{found} {linear}");
+}
+
+/// A band of 4 by 2 cells between two rows of pins, of which the right one goes away by `far` widths in a frame.
+fn pulled_apart(far: f64) -> SceneDescription {
+    let mesh = sheet(4, 2, 0.05);
+    let mut description = scene_of(GarmentDescription::new("band", mesh, 0.2), 24);
+    description.solver.integrator = Integrator::TrBdf2;
+    add_springs(&mut description, 10.0, 1.0);
+    for (column, offset) in [(0, 0.0), (4, far * 0.2)] {
+        let vertices: Vec<u32> = (0..3).map(|row| row * 5 + column).collect();
+        add_pins(&mut description, vertices.clone());
+        let offsets = vec![(0.0, Vec3::zeros()), (1.0 / 24.0, Vec3::x() * offset)];
+        let target = PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets };
+        description.pins.last_mut().expect("it was added").target = target;
+    }
+    description
+}
+
+#[test]
+fn cloth_that_is_pulled_to_more_than_twice_its_length_is_named_and_counted_by_any_ranks() {
+    for (far, is_over) in [(0.7, false), (1.5, true)] {
+        let frames = |ranks: usize| {
+            let run = move |communicator| {
+                let ranks = Ranks::new(communicator);
+                let description = ranks.is_first().then(|| pulled_apart(far));
+                let scene = Scene::distribute(&ranks, description).unwrap_or_else(|p| panic!("{p}"));
+                let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
+                let summary = run(&mut simulation, 24);
+                (summary.overstretched.clone(), summary.metrics.counted("edges_overstretched"))
+            };
+            LocalRanks::run(ranks, 1, run).expect("no rank ends early")
+        };
+        let alone = frames(1).remove(0);
+        for count in [2, 3] {
+            let found = frames(count);
+            assert!(found.iter().all(|(found, _)| *found == alone.0), "{count} ranks");
+            // The first rank has the counts of all.
+            assert_eq!(found[0].1, alone.1, "{count} ranks");
+        }
+        let (found, counted) = alone;
+        assert_eq!(found.is_some(), is_over, "{far}");
+        let Some(found) = found else { continue };
+        // At rest, the band is evenly stretched: the edges along it and no others, twelve, are 2.5 times as long; diagonals 1.9 times.
+        assert_eq!((found.edges, counted, found.pinched), (12, 12, 0));
+        assert!((found.most.strain - far).abs() < 0.1, "{}", found.most.strain);
+        assert_eq!((found.most.garment.as_str(), found.bodies.len()), ("band", 0));
+    }
 }
 
 #[test]

@@ -12,12 +12,15 @@ pub(crate) fn page() -> String {
     for spec in REGISTRY {
         page += &section(spec);
     }
-    page
+    page + NOTE
 }
 
-const HEAD: &str = "# Effects
+/// For developers, and for nobody who reads the page.
+const NOTE: &str = "
+<!-- Written by a test from the registry in `core/src/effects/mod.rs`; change it there. -->
+";
 
-Written by a test from the registry in `core/src/effects/mod.rs`; change it there.
+const HEAD: &str = "# Effects
 
 An effect exists only if the scene asks for it; what is not asked for allocates nothing and runs nothing. They run in the
 order of this page. A number without a unit is in the unit of the column; a text may carry another one, as in \"2 mm\", and a

@@ -46,10 +46,11 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 26] = [
+const IO_ROOMS: [&str; 28] = [
     "error",
     "input_file",
     "atomic_file",
+    "written_file",
     "units",
     "memory",
     "duration",
@@ -57,6 +58,7 @@ const IO_ROOMS: [&str; 26] = [
     "mesh_data",
     "normals",
     "memory_mesh",
+    "mesh_cut",
     "garment_mesh",
     "cache",
     "file_summary",
@@ -76,7 +78,7 @@ const IO_ROOMS: [&str; 26] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 22] = [
+const SHOT_ROOMS: [&str; 24] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -90,19 +92,21 @@ const SHOT_ROOMS: [&str; 22] = [
     "single_layer",
     "check",
     "inputs",
+    "written_faces",
     "rules",
     "long_frames",
     "towards_frame",
     "shot",
     "scene_source",
     "pinned",
+    "overstretched",
     "run",
     "steps",
     "session",
 ];
 
 /// The rooms of what is said of results.
-const ANALYSIS_ROOMS: [&str; 5] = ["page", "verify", "diff", "report", "study"];
+const ANALYSIS_ROOMS: [&str; 7] = ["page", "local_run", "bits", "verify", "diff", "report", "study"];
 
 /// Rooms whose files are one piece: an archive, its objects and their properties hold each other, so do the parts of a stage; behind a
 /// handle is an object of any kind, and all kinds make handles.

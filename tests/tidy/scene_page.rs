@@ -30,18 +30,43 @@ pub(crate) fn page() -> String {
         }
         printed.push(path);
     }
-    page + &materials()
+    page + &materials() + BODIES + NOTE
 }
+
+/// For developers, and for nobody who reads the page.
+const NOTE: &str = "
+<!-- Written by a test from the JSON schema (`drapery schema`), which comes from the rows of values (`core/src/scene/`) and from
+the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there. -->
+";
 
 const HEAD: &str = "# The scene file
 
-Written by a test from the JSON schema (`drapery schema`), which comes from the rows of values (`core/src/scene/`) and from
-the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there. The file is TOML. Bold keys have to be given. Positions, velocities and
-times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files. Where a key takes a
-number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both ends
-included; a number outside is an error that names the line. Any value may be \"$name\", which takes the
-parameter `name`. A key that is not here is an error that names the line and the nearest right word. Files are looked for
-from the folder of the scene file.
+The file is TOML. Bold keys have to be given. An unknown key is an error that names the line and suggests the right word.
+Positions, velocities and times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files.
+Where a key takes a number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
+ends included; a number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Files
+are looked for from the folder of the scene file.
+";
+
+const BODIES: &str = "
+## Thickness of bodies
+
+Cloth is kept off a body at its vertices. Between them a face of cloth cuts into a curved body, and so do the body's own faces below
+its vertices. A body from a file whose scene says no `thickness` has what keeps both from showing, whichever diagonal a renderer takes:
+
+```text
+(h² + b²) κ / 8     at an edge between two faces of the body; h sin θ / 2 where h < b and that is less; at most 0.1 / κ
+```
+
+* `h`: the smallest circle around a face of cloth, its diameter; 95 % of the garment's area have a smaller one. The coarsest garment counts.
+* `b`: the same of the larger of the body's two faces.
+* `θ`, `κ`: the angle between these faces, and θ over the distance of their middles, the curvature. Edges sharper than 60° do not count.
+* The thickness is the largest of these that 95 % of the body's area do not exceed, in its first frame, in steps of 0.01 mm; and the
+  largest thickness of the garments' materials, where that is more.
+
+A tenth of the radius of curvature is the most: cloth that needs more, as on a finger, does not lie on the body but wraps around it,
+and only a finer mesh helps. `drapery plan` says both numbers, `check` warns of bodies that are thinner
+([`thin_body`](warnings.md)), and `resolved.toml` has the number. Shapes such as `sphere` have the thickness of the materials.
 ";
 
 fn is_effect(key: &str) -> bool {

@@ -4,18 +4,22 @@ use std::fmt::Write;
 
 use drapery_io::rules::RULES;
 
+/// For developers, and for nobody who reads the page.
+const NOTE: &str = "
+<!-- Written by a test from the table of rules (`io/src/rules.rs`); change it there. -->
+";
+
 const HEAD: &str = "# Warnings before a run
 
-Written by a test from the table of rules (`io/src/rules.rs`); change it there. `drapery check`, `plan` and `run` look at a scene
-by these rules before anything is simulated. A warning begins with the name of its rule, says what it found in which object, and
-shows the line to write:
+`drapery check`, `plan` and `run` look at a scene by these rules before anything is simulated. A warning begins with the name of its
+rule, says what it found in which object, and shows the line to write:
 
 ```text
 WARN frame_rate: body \"hero\": hero.abc: the file says 24 frames per second, and the shot has 25: frames of the shot are not those of the file
   help: write fps = \"24\" in [shot]
 ```
 
-A scene that means it so silences the rule; a name that is none is an error with the nearest right one. What is silenced changes
+A scene that means it so silences the rule; an unknown name is an error, with a suggestion. What is silenced changes
 no result, and a run starts all the same:
 
 ```toml
@@ -36,7 +40,7 @@ pub(crate) fn page() -> String {
         // Writing to a String cannot fail.
         let _ = write!(page, "\n## `{}`\n\n{finds}. {exactly}\n\nFor example: `{line}`\n", rule.name);
     }
-    page
+    page + NOTE
 }
 
 /// A text that begins with a capital letter, unless it begins with code.

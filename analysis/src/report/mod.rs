@@ -24,7 +24,7 @@ use drapery_shot::run_record::reader::{FrameRow, median};
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
 
-use status::{Degradation, degradations};
+use status::{Degradation, degradations, retries};
 
 /// File name of the page, in the folder of the run.
 pub const PAGE: &str = "report.html";
@@ -53,6 +53,7 @@ pub fn page(run: &RunFolder) -> String {
     body += &if rows.is_empty() { "<p>No frame is simulated yet.</p>".to_owned() } else { charts::charts(run, &rows) };
     body += "</section>";
     body += &tables::degradations(run, &found);
+    body += &tables::retries(run);
     body += &tables::strains(&rows);
     body += &tables::stages(&rows);
     body += &tables::attempts(run);
@@ -62,7 +63,20 @@ pub fn page(run: &RunFolder) -> String {
         drapery_shot::run_record::MANIFEST,
         drapery_shot::run_record::RECORD
     );
-    document(&format!("{title}: Drapery run"), &body, &made)
+    let materials = materials(run);
+    let of_what = if materials.is_empty() { title.to_owned() } else { format!("{title}, {materials}") };
+    document(&format!("{of_what}: Drapery run"), &body, &made)
+}
+
+/// Materials of the garments, each once.
+fn materials(run: &RunFolder) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for name in run.manifest.garments.iter().filter_map(|garment| garment.material.as_deref()) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(", ")
 }
 
 fn header(run: &RunFolder, title: &str) -> String {
@@ -70,7 +84,10 @@ fn header(run: &RunFolder, title: &str) -> String {
     let garments: Vec<String> = manifest
         .garments
         .iter()
-        .map(|garment| format!("{} ({} points)", garment.name, text::count(garment.points as u64)))
+        .map(|garment| {
+            let material = garment.material.as_ref().map_or(String::new(), |material| format!("{material}, "));
+            format!("{} ({material}{} points)", garment.name, text::count(garment.points as u64))
+        })
         .collect();
     let (first, last) = (manifest.first_frame, manifest.last_frame);
     let rate = manifest.fps.strip_suffix("/1").unwrap_or(&manifest.fps);
@@ -83,6 +100,10 @@ fn header(run: &RunFolder, title: &str) -> String {
         if manifest.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", manifest.threads) },
         state = escape(&manifest.state),
     );
+    let attempts = manifest.attempts.iter().filter(|attempt| !attempt.began.is_empty());
+    if let Some(first) = attempts.map(|attempt| &attempt.began).next() {
+        header += &format!("<p>begun {}</p>", escape(first));
+    }
     if let Some(error) = &manifest.error {
         header += &format!("<pre>{}</pre>", escape(error));
     }
@@ -117,6 +138,10 @@ fn tiles(run: &RunFolder, rows: &[FrameRow], found: &[Degradation]) -> String {
         Some(first) => tile("alarm", &text::count(count), &format!("degradations, first in frame {first}")),
         None => tile("fine", "0", "degradations: every limit is kept"),
     };
+    if let Some((amount, first)) = retries(run) {
+        let what = format!("attempts at steps that went wrong, all mended, first in frame {first}");
+        tiles += &tile("", &text::count(amount), &what);
+    }
     if let Some(peak) = rows.iter().filter_map(|row| row.resident_bytes).max() {
         tiles += &tile("", &text::bytes(peak), "most memory, resident");
     }
@@ -172,6 +197,46 @@ mod tests {
         assert!(bad.contains("degradations, first in frame 1003") && bad.contains("frame 1003\ncrossings: 1"));
         let good = page(&run(2));
         assert!(good.contains("every limit is kept"), "{good}");
+    }
+
+    #[test]
+    fn steps_that_were_mended_are_told_apart_from_those_that_were_not() {
+        let mut run = run(2);
+        let event = |level: &str| serde_json::json!({"trouble": "solve diverged", "rung": level, "garment": "skirt"});
+        run.record.frames[0].counts.insert("retried_shorter".into(), 3);
+        run.record.frames[0].recoveries = vec![event("retried_shorter")];
+        let mended = page(&run);
+        assert!(
+            mended.contains("every limit is kept") && mended.contains("all mended, first in frame 1001"),
+            "{mended}"
+        );
+        assert!(mended.contains("<code>retried_shorter</code>") && mended.contains("solve diverged"), "{mended}");
+        // What left a mark is a degradation, also where only its event is there.
+        run.record.frames[1].recoveries = vec![event("retried_held")];
+        let marked = page(&run);
+        assert!(marked.contains("degradations, first in frame 1002"), "{marked}");
+    }
+
+    #[test]
+    fn pages_of_two_materials_differ_and_say_what_was_typed_and_when() {
+        use drapery_shot::run_record::manifest::{AttemptRecord, ManifestGarment};
+        let of = |material: &str| {
+            let mut run = run(2);
+            let garment =
+                ManifestGarment { name: "sheet".into(), material: Some(material.into()), ..Default::default() };
+            run.manifest.garments = vec![garment];
+            run.manifest.command = Some(format!("drapery run s.toml --set fabric={material}"));
+            run.manifest.state = "done".into();
+            let began = "2026-05-04 09:30:00 UTC".to_owned();
+            run.manifest.attempts = vec![AttemptRecord { attempt: 1, began, ..Default::default() }];
+            page(&run)
+        };
+        let (silk, wool) = (of("silk_light"), of("wool"));
+        assert!(
+            silk.contains(", silk_light: Drapery run</title>") && wool.contains(", wool: Drapery run</title>"),
+            "{silk}"
+        );
+        assert!(silk.contains("--set fabric=silk_light") && silk.contains("2026-05-04 09:30:00 UTC"), "{silk}");
     }
 
     #[test]

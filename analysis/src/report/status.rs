@@ -6,10 +6,10 @@ use std::time::SystemTime;
 use drapery_io::error::IoError;
 use drapery_shot::farm::lock::{self, Holder, Presence};
 use drapery_shot::farm::stale::{self, Stale};
-use drapery_shot::quality::LIMITS;
+use drapery_shot::quality::{LIMITS, RETRIES, is_limit};
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::manifest::ManifestCheckpoint;
-use drapery_shot::run_record::reader::median;
+use drapery_shot::run_record::reader::{FrameRow, median};
 use serde::Serialize;
 
 /// Number of frames from which the rate is given.
@@ -47,6 +47,8 @@ pub struct Status {
     pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
     pub degradations: Vec<Degradation>,
+    /// Attempts at steps that went wrong and succeeded in the end: they cost time and leave no mark.
+    pub steps_tried_again: u64,
     /// Frames whose counts are not known, as ranges: nobody can say whether these hold more such counts.
     pub uncounted: Vec<[i64; 2]>,
     /// What attempts have set aside, if they have.
@@ -104,6 +106,7 @@ impl Status {
         let reached = rows.last().map(|row| row.frame).or(folder.record.header.start_frame);
         let left = folder.manifest.last_frame - reached.unwrap_or(folder.manifest.first_frame);
         let degradations = degradations(&folder);
+        let steps_tried_again = retries(&folder).map_or(0, |(total, _)| total);
         let start = folder.record.header.start_frame.unwrap_or(folder.manifest.first_frame);
         let counted_to = folder.manifest.last_complete_frame.or(reached);
         let uncounted = counted_to.map_or_else(Vec::new, |last| folder.record.uncounted(start, last));
@@ -123,6 +126,7 @@ impl Status {
             seconds_left: rate.filter(|_| left > 0).map(|rate| rate * left as f64),
             checkpoint: manifest.checkpoint,
             degradations,
+            steps_tried_again,
             uncounted,
             stale: stale::look(path),
             process,
@@ -142,7 +146,7 @@ impl Status {
 pub fn degradations(folder: &RunFolder) -> Vec<Degradation> {
     let rows = &folder.record.frames;
     let summed = |&(name, meaning): &(&'static str, &'static str)| {
-        let amounts = rows.iter().filter_map(|row| Some((row.frame, *row.counts.get(name)?)));
+        let amounts = rows.iter().map(|row| (row.frame, row.amount(name)));
         let bad: Vec<(i64, u64)> = amounts.filter(|(_, amount)| *amount > 0).collect();
         let (first_frame, _) = *bad.first()?;
         // Of equally bad frames the first.
@@ -152,6 +156,17 @@ pub fn degradations(folder: &RunFolder) -> Vec<Degradation> {
         Some(Degradation { name, meaning, total, first_frame, worst_frame, frames: bad.len() })
     };
     LIMITS.iter().filter_map(summed).collect()
+}
+
+/// Number of attempts that mended a step without leaving a mark in the result, and the first frame with one.
+pub fn retries(folder: &RunFolder) -> Option<(u64, i64)> {
+    let mended = RETRIES.iter().map(|(name, _)| *name).filter(|name| !is_limit(name));
+    let of_row = |row: &FrameRow| mended.clone().fold(0, |sum: u64, name| sum.saturating_add(row.amount(name)));
+    let amounts = folder.record.frames.iter().map(|row| (row.frame, of_row(row))).filter(|(_, amount)| *amount > 0);
+    amounts.fold(None, |found: Option<(u64, i64)>, (frame, amount)| match found {
+        Some((total, first)) => Some((total.saturating_add(amount), first)),
+        None => Some((amount, frame)),
+    })
 }
 
 impl From<Holder> for Process {

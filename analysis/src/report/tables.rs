@@ -1,6 +1,9 @@
 //! The tables of the page.
 
+use std::collections::BTreeMap;
+
 use drapery_io::input_file;
+use drapery_shot::quality::RETRIES;
 use drapery_shot::run_record::RESOLVED;
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
@@ -39,6 +42,59 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
         number("worst frame"),
     ];
     section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Table of the attempts to mend steps that went wrong; empty without any.
+pub(super) fn retries(run: &RunFolder) -> String {
+    let frames = &run.record.frames;
+    let row = |&(name, words_of_it): &(&str, &str)| {
+        let amounts: Vec<(i64, u64)> = frames.iter().map(|row| (row.frame, row.amount(name))).collect();
+        let bad: Vec<&(i64, u64)> = amounts.iter().filter(|(_, amount)| *amount > 0).collect();
+        let total = bad.iter().fold(0, |sum: u64, (_, amount)| sum.saturating_add(*amount));
+        let (first, _) = bad.first()?;
+        let cells = vec![
+            (format!("<code>{}</code>", escape(name)), false),
+            words(words_of_it),
+            number(text::count(total)),
+            number(format!("{} of {}", bad.len(), frames.len())),
+            number(first.to_string()),
+            words(troubles(run, name)),
+        ];
+        Some(cells)
+    };
+    let rows: Vec<Vec<Cell>> = RETRIES.iter().filter_map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let note = "<p>A step that goes wrong is taken back and tried again, each time more carefully. Steps that succeed in the end are as \
+                good as any; what left a mark in the result is under Degradations.</p>";
+    let heads = [
+        words("count"),
+        words("what was done"),
+        number("total"),
+        number("frames"),
+        number("first frame"),
+        words("what went wrong, in events that were kept"),
+    ];
+    section("Steps that went wrong", note, &heads, &rows)
+}
+
+/// Failures that led to a level of retries, with the number of events of each.
+fn troubles(run: &RunFolder, level: &str) -> String {
+    let mut found: BTreeMap<&str, (u64, &str)> = BTreeMap::new();
+    for event in run.record.frames.iter().flat_map(|row| &row.recoveries).filter(|event| event["rung"] == level) {
+        let (trouble, garment) = (event["trouble"].as_str(), event["garment"].as_str());
+        let (amount, first) = found.entry(trouble.unwrap_or("unknown")).or_insert((0, ""));
+        *amount += 1;
+        if first.is_empty() {
+            *first = garment.unwrap_or_default();
+        }
+    }
+    let one = |(trouble, (amount, garment)): (&str, (u64, &str))| match garment {
+        "" => format!("{trouble} ({amount})"),
+        garment => format!("{trouble} ({amount}; garment {garment})"),
+    };
+    found.into_iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// How far each garment was stretched, in the order in which they appear; nothing for runs that do not say it.
@@ -128,6 +184,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
         .map(|attempt| {
             vec![
                 number(attempt.attempt.to_string()),
+                words(&attempt.began),
                 words(format!("{}:{}", attempt.host, attempt.pid)),
                 number(attempt.ranks.max(1).to_string()),
                 number(attempt.threads.to_string()),
@@ -140,6 +197,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
         .collect();
     let heads = [
         number("attempt"),
+        words("begun"),
         words("process"),
         number("ranks"),
         number("threads of each"),
@@ -191,8 +249,10 @@ fn checkpoints(run: &RunFolder) -> String {
 pub(super) fn provenance(run: &RunFolder) -> String {
     let manifest = &run.manifest;
     let files: Vec<&str> = manifest.garments.iter().flat_map(|garment| &garment.files).map(String::as_str).collect();
+    let scene = input_file::text(&run.path.join(RESOLVED)).ok();
     let mut facts = vec![
         ("scene", manifest.scene.clone()),
+        ("command", manifest.command.clone().unwrap_or_default()),
         ("program", manifest.application.clone()),
         ("threads", manifest.threads.to_string()),
         ("caches", format!("{} (lengths in {}, {} up)", files.join(", "), manifest.length_unit, manifest.up_axis)),
@@ -200,6 +260,10 @@ pub(super) fn provenance(run: &RunFolder) -> String {
     if run.record.unreadable > 0 {
         let lines = run.record.unreadable;
         facts.push(("record", format!("{lines} lines of run.jsonl could not be understood and are left out")));
+    }
+    let set = scene.as_deref().map(set_by_hand).unwrap_or_default();
+    if !set.is_empty() {
+        facts.insert(2, ("set on the command line", set.join("\n")));
     }
     let fact = |(name, text): &(&str, String)| vec![words(name), (format!("<code>{}</code>", escape(text)), false)];
     let facts: Vec<Vec<Cell>> = facts.iter().map(fact).collect();
@@ -226,7 +290,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         let table = table(&[words("count"), number("total of all frames")], &totals);
         folded += &format!("<div class=\"card\"><details><summary>All counts</summary>{table}</details></div>");
     }
-    if let Ok(scene) = input_file::text(&run.path.join(RESOLVED)) {
+    if let Some(scene) = scene {
         let shown: String = scene.chars().take(SCENE_LETTERS).collect();
         let rest = if shown.len() < scene.len() { "\n… the rest is in resolved.toml" } else { "" };
         folded += &format!(
@@ -238,9 +302,35 @@ pub(super) fn provenance(run: &RunFolder) -> String {
     page + &format!("<section><h2>Details</h2>{folded}</section>\n")
 }
 
+/// Values of the resolved scene that `--set` or `--preset` have set, each with its table.
+fn set_by_hand(resolved: &str) -> Vec<String> {
+    let (mut table, mut found) = ("", Vec::new());
+    for line in resolved.lines() {
+        if let Some(name) = line.trim_start_matches('[').strip_suffix(']').filter(|_| line.starts_with('[')) {
+            table = name.trim_end_matches(']');
+        }
+        if let Some((_, parameter)) = line.split_once("# parameter ").filter(|_| line.ends_with("(--set)")) {
+            found.push(parameter.trim_end_matches("(--set)").trim_end().to_owned());
+        } else if let Some((value, origin)) = line.rsplit_once(" # ")
+            && origin == "--set"
+        {
+            let dot = if table.is_empty() { "" } else { "." };
+            found.push(format!("{table}{dot}{}", value.trim_end()));
+        }
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_that_were_set_by_hand_are_found_with_their_tables() {
+        let resolved = "# parameter fabric = \"silk\" (--set)\n# parameter size = 4 (scene)\n[solver]\ncfl = 2   # --set\n\
+                        [[garment]]\nmaterial = \"silk\"   # --set fabric\nname = \"a # b\"   # scene\n";
+        assert_eq!(set_by_hand(resolved), ["fabric = \"silk\"", "solver.cfl = 2"]);
+    }
 
     #[test]
     fn stages_of_several_ranks_show_the_least_and_the_most_of_one() {

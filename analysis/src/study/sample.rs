@@ -1,14 +1,12 @@
 //! One run of a study: the scene with its changes, simulated to the last frame, with its costs and its states.
 
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::memory;
@@ -16,12 +14,11 @@ use drapery_io::scene_file::SceneFile;
 use drapery_io::shot_description::ShotDescription;
 use drapery_shot::ShotError;
 use drapery_shot::farm::process;
-use drapery_shot::farm::stop::StopRequests;
-use drapery_shot::remote_simulation;
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::steps::{SteppedFrame, SteppedShot};
 use sha2::{Digest, Sha256};
 
+use crate::local_run::on_local_ranks;
 use crate::study::cloth::{Cloth, FrameState};
 use crate::study::error::StudyError;
 use crate::study::random::Random;
@@ -122,24 +119,8 @@ fn on_ranks<T: Send>(
         0 => (threads / ranks).max(1),
         each => each,
     };
-    let work = Mutex::new(Some(work));
-    let take = || work.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let done = LocalRanks::run(ranks, each, |communicator| {
-        let ranks = Ranks::new(communicator);
-        if !ranks.is_first() {
-            remote_simulation::worker_loop(&ranks, &StopRequests::default(), &|_| Ok(each));
-            return None;
-        }
-        let done = take().map(|work| work(&ranks));
-        remote_simulation::shut_down(&ranks, 0);
-        done
-    });
-    match done.map(|results| results.into_iter().next().flatten()) {
-        Ok(Some(result)) => result,
-        Ok(None) => unreachable!("the first rank does the work, once"),
-        // It panicked, which whoever calls this is prepared for; or there is no such number of threads.
-        Err(error) => resume_unwind(Box::new(error.message)),
-    }
+    // A rank that panics is something that the caller is prepared for.
+    on_local_ranks(ranks, each, work)
 }
 
 /// Runs a wish. States of the compared frames are written to `states`, if it is given. At `deadline` the run is given up.

@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 
 use drapery_alembic::{IDENTITY, Matrix, PolyMesh, TopologyVariance, transform_point};
 use drapery_core::Vec3;
-use drapery_core::geometry::crossings::{Crossing, CrossingSearch, find, find_between};
-use drapery_io::cache_frames::{CacheFrames, triangles_of};
+use drapery_core::geometry::crossings::Crossing;
+use drapery_core::geometry::face_cuts::{CutCrossings, FaceSearch};
+use drapery_io::cache_frames::{CacheFrames, faces_of, triangles_of};
 use drapery_io::error::IoError;
 use drapery_io::formats::alembic::{render_mesh_of, sample_times};
 use drapery_io::mesh_data::MeshReader;
@@ -47,7 +48,7 @@ pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut
 struct Sheet<'a> {
     name: String,
     mesh: Mesh<'a>,
-    search: CrossingSearch,
+    search: FaceSearch,
     /// Times at which it or a parent is stored [s]; empty when nothing moves.
     times: Vec<f64>,
     /// The garment that it follows to be rendered in its place: it is no cloth, and may go through itself.
@@ -142,9 +143,9 @@ impl<'a> Sheet<'a> {
             return None;
         }
         let points = Mesh::Archive(mesh).stored(0)?;
-        let triangles = triangles_of(mesh, &points)?;
+        let (triangles, faces) = (triangles_of(mesh, &points)?, faces_of(mesh)?);
         let times = sample_times(std::slice::from_ref(mesh)).ok()?;
-        let search = CrossingSearch::new(triangles, points);
+        let search = FaceSearch::new((&faces.face_counts, &faces.face_indices), triangles, points);
         let render_mesh_of = render_mesh_of(mesh);
         Some(Self {
             name: cache.name_of(mesh),
@@ -166,7 +167,8 @@ impl<'a> Sheet<'a> {
         let duration = 1.0 / cache.fps?;
         let origin = stage.stored_positions(mesh, 0).ok()?.map(|stored| stored.origin);
         let points = Mesh::Stage(StageMesh { stage, mesh, duration, origin });
-        let search = CrossingSearch::new(described.triangles.clone(), points.stored(0)?);
+        let faces = (described.faces.face_counts.as_slice(), described.faces.face_indices.as_slice());
+        let search = FaceSearch::new(faces, described.triangles.clone(), points.stored(0)?);
         let shown = if stage.moves(mesh) { described.frames.as_slice() } else { &[] };
         let times = shown.iter().map(|frame| *frame as f64 * duration).collect();
         let name = format!("{}{}", cache.prefix, described.name);
@@ -177,7 +179,7 @@ impl<'a> Sheet<'a> {
 
     /// Takes the positions stored at a time; whether there are any.
     fn place(&mut self, time: f64) -> bool {
-        let count = self.search.surface().positions.len();
+        let count = self.search.positions().len();
         let stored = self.mesh.sample_at(time).and_then(|sample| self.mesh.stored(sample));
         match stored.filter(|points| points.len() == count) {
             Some(points) => {
@@ -190,7 +192,7 @@ impl<'a> Sheet<'a> {
 
     /// Takes its positions into the world.
     fn transform(&mut self, matrix: &Matrix) {
-        let local = self.search.surface().positions.to_vec();
+        let local = self.search.positions().to_vec();
         self.search.place(local.into_iter().map(|p| Vec3::from(transform_point(p.into(), matrix))));
     }
 }
@@ -198,7 +200,7 @@ impl<'a> Sheet<'a> {
 /// A body, in the world and at any time.
 struct Body<'a> {
     reader: &'a dyn MeshReader,
-    search: CrossingSearch,
+    search: FaceSearch,
     points: Vec<Vec3>,
 }
 
@@ -206,7 +208,9 @@ impl<'a> Body<'a> {
     fn open(reader: &'a dyn MeshReader) -> Result<Self, IoError> {
         let first = reader.sample_times().first().copied().unwrap_or(0.0);
         let mesh = reader.mesh_at(first)?.mesh;
-        Ok(Self { reader, search: CrossingSearch::new(mesh.triangulate().0, mesh.points), points: Vec::new() })
+        let faces = (mesh.face_counts.as_slice(), mesh.face_indices.as_slice());
+        let search = FaceSearch::new(faces, mesh.triangulate().0, mesh.points.clone());
+        Ok(Self { reader, search, points: Vec::new() })
     }
 
     fn place(&mut self, time: f64) -> Result<(), IoError> {
@@ -227,6 +231,17 @@ enum Subject {
 #[derive(Default)]
 struct Tally {
     looked_at: usize,
+    /// Crossings of the triangles that were simulated.
+    simulated: Found,
+    /// Crossings that only another cut of a face has.
+    other: Found,
+    /// Whether any face has one.
+    has_other_cuts: bool,
+}
+
+/// Crossings of all frames.
+#[derive(Default)]
+struct Found {
     frames: usize,
     /// Largest number of crossings in one frame, and that frame.
     worst: (usize, String),
@@ -236,22 +251,56 @@ struct Tally {
 
 type Tallies = BTreeMap<Subject, Tally>;
 
+/// A surface in a search, and what is said behind its edges and triangles.
+type Side<'a> = (&'a FaceSearch, &'a str);
+
 impl Tally {
-    /// Adds a frame; `words` describes a crossing by the names of the meshes of its edge and its triangle.
-    fn add(&mut self, frame: &str, lists: &[(&[Crossing], [&str; 2])]) {
+    /// Adds a frame: what edges of the first surface do to triangles of the second.
+    fn add(&mut self, frame: &str, lists: &[(CutCrossings, [Side<'_>; 2])]) {
         self.looked_at += 1;
-        let count = lists.iter().map(|(list, _)| list.len()).sum();
-        let first = lists.iter().find_map(|(list, names)| Some((list.first()?, names)));
-        let Some((Crossing { edge: [p, q], triangle: [a, b, c] }, names)) = first else { return };
+        self.has_other_cuts |= lists.iter().flat_map(|(_, sides)| sides).any(|(search, _)| search.has_other_cuts());
+        let of = |simulated: bool| {
+            lists.iter().map(move |(list, sides)| (if simulated { &list.simulated } else { &list.other }, sides))
+        };
+        self.simulated.add(frame, of(true), |_, _| String::new());
+        self.other.add(frame, of(false), faces_in_words);
+    }
+}
+
+impl Found {
+    fn add<'a, 'b: 'a>(
+        &mut self,
+        frame: &str,
+        lists: impl Iterator<Item = (&'a Vec<Crossing>, &'a [Side<'b>; 2])> + Clone,
+        faces: impl Fn(&Crossing, &[Side<'_>; 2]) -> String,
+    ) {
+        let count = lists.clone().map(|(list, _)| list.len()).sum();
+        let first = lists.into_iter().find_map(|(list, sides)| Some((list.first()?, sides)));
+        let Some((crossing, sides)) = first else { return };
         self.frames += 1;
         if self.first.is_empty() {
-            let [edge_of, triangle_of] = names;
-            self.first = format!("{frame}, edge {p}-{q}{edge_of} through triangle {a}-{b}-{c}{triangle_of}");
+            let Crossing { edge: [p, q], triangle: [a, b, c] } = crossing;
+            let [(_, edge_of), (_, triangle_of)] = sides;
+            let faces = faces(crossing, sides);
+            self.first = format!("{frame}, edge {p}-{q}{edge_of} through triangle {a}-{b}-{c}{triangle_of}{faces}");
         }
         if count > self.worst.0 {
             self.worst = (count, frame.to_owned());
         }
     }
+
+    fn in_words(&self, looked_at: usize) -> String {
+        let Self { frames, worst: (count, worst), first } = self;
+        format!("in {frames} of {looked_at} frames, at most {count} intersections ({worst}); first: {first}")
+    }
+}
+
+/// The faces of an edge and of a triangle, where they may be cut in several ways.
+fn faces_in_words(Crossing { edge, triangle }: &Crossing, [one, other]: &[Side<'_>; 2]) -> String {
+    let of = |face: Option<u32>, name: &str| face.map(|face| format!("face {face}{name}"));
+    let both = [of(one.0.face_of_edge(*edge), one.1), of(other.0.face_of_triangle(*triangle), other.1)];
+    let both: Vec<String> = both.into_iter().flatten().collect();
+    if both.is_empty() { String::new() } else { format!(" ({})", both.join(", ")) }
 }
 
 /// All checks at one time, whose name is given with it.
@@ -264,8 +313,8 @@ fn check_moment(
     let mut present = Vec::new();
     for (i, sheet) in sheets.iter_mut().enumerate() {
         if sheet.place(time) {
-            let list = find(&sheet.search.surface());
-            tallies.entry(Subject::Cloth(i, i)).or_default().add(frame, &[(&list, ["", ""])]);
+            let side = (&sheet.search, "");
+            tallies.entry(Subject::Cloth(i, i)).or_default().add(frame, &[(sheet.search.find(), [side, side])]);
             present.push((i, sheet.mesh.world_matrix_at(time)?));
         }
     }
@@ -274,26 +323,25 @@ fn check_moment(
     if !is_one_space {
         present.iter().for_each(|(i, matrix)| sheets[*i].transform(matrix));
     }
-    let between = |a: &CrossingSearch, b: &CrossingSearch| find_between(&a.surface(), &b.surface());
+    let between = |a: Side<'_>, b: Side<'_>, tally: &mut Tally| {
+        tally.add(frame, &[(a.0.find_through(b.0), [a, b]), (b.0.find_through(a.0), [b, a])]);
+    };
     for (k, &(i, _)) in present.iter().enumerate() {
         for &(j, _) in &present[k + 1..] {
             let (a, b) = (&sheets[i], &sheets[j]);
             if never_together(a, b) {
                 continue;
             }
-            let lists = [between(&a.search, &b.search), between(&b.search, &a.search)];
-            let names = [format!(" of {}", a.name), format!(" of {}", b.name)];
-            let lists: [(&[Crossing], _); 2] =
-                [(&lists[0], [names[0].as_str(), &names[1]]), (&lists[1], [names[1].as_str(), &names[0]])];
-            tallies.entry(Subject::Cloth(i, j)).or_default().add(frame, &lists);
+            let names = [a, b].map(|sheet| format!(" of {}", sheet.name));
+            let tally = tallies.entry(Subject::Cloth(i, j)).or_default();
+            between((&a.search, &names[0]), (&b.search, &names[1]), tally);
         }
     }
     let Some(body) = body else { return Ok(()) };
     body.place(time)?;
     for &(i, _) in &present {
-        let lists = [between(&sheets[i].search, &body.search), between(&body.search, &sheets[i].search)];
-        let lists: [(&[Crossing], _); 2] = [(&lists[0], ["", " of the body"]), (&lists[1], [" of the body", ""])];
-        tallies.entry(Subject::Body(i)).or_default().add(frame, &lists);
+        let tally = tallies.entry(Subject::Body(i)).or_default();
+        between((&sheets[i].search, ""), (&body.search, " of the body"), tally);
     }
     Ok(())
 }
@@ -319,16 +367,14 @@ fn all_times(sheets: &[Sheet<'_>]) -> Vec<f64> {
 
 /// Puts what was found into words.
 fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
-    let mut clean_pairs = 0;
+    let (mut clean_pairs, mut clean_cuts) = (0, 0);
     for (subject, tally) in tallies {
-        let (all, frames, first) = (tally.looked_at, tally.frames, &tally.first);
-        let (count, worst) = &tally.worst;
-        let where_and_how =
-            format!("in {frames} of {all} frames, at most {count} intersections ({worst}); first: {first}");
+        let (all, frames) = (tally.looked_at, tally.simulated.frames);
+        let where_and_how = tally.simulated.in_words(all);
         let name = |i: usize| &sheets[i].name;
         match *subject {
             Subject::Cloth(i, j) if i == j && frames == 0 => {
-                let triangles = sheets[i].search.surface().triangles.len();
+                let triangles = sheets[i].search.triangle_count();
                 found.facts.push(format!("{}: {triangles} triangles, no intersections in {all} frames", name(i)));
             }
             Subject::Cloth(i, j) if i == j && sheets[i].render_mesh_of.is_some() => {
@@ -340,11 +386,8 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
             Subject::Cloth(..) if frames == 0 => clean_pairs += 1,
             // It is around its own garment, and thicker than that where it meets another.
             Subject::Cloth(i, j) if [i, j].iter().any(|k| sheets[*k].render_mesh_of.is_some()) => {
-                let described = |k: usize| match sheets[k].render_mesh_of {
-                    Some(_) => render_mesh(&sheets[k]),
-                    None => sheets[k].name.clone(),
-                };
-                found.facts.push(format!("{} and {} intersect {where_and_how}", described(i), described(j)));
+                let [a, b] = [i, j].map(|k| described(&sheets[k]));
+                found.facts.push(format!("{a} and {b} intersect {where_and_how}"));
             }
             Subject::Cloth(i, j) => {
                 found.failures.push(format!("{} and {} intersect {where_and_how}", name(i), name(j)));
@@ -357,11 +400,50 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
                 found.warnings.push(format!("{} and the body intersect {where_and_how}", name(i)));
             }
         }
+        clean_cuts += usize::from(tally.has_other_cuts && tally.other.frames == 0);
+        report_other_cuts(sheets, (*subject, tally), found);
     }
     if clean_pairs > 0 {
         found.facts.push(format!("no intersections between meshes, {clean_pairs} pairs of them"));
     }
+    if clean_cuts > 0 {
+        let all = tallies.values().filter(|tally| tally.has_other_cuts).count();
+        let what = "no intersections where quads are cut along the other diagonal and larger faces into fans";
+        found.facts.push(format!("{what}, in {clean_cuts} of {all} comparisons"));
+    }
     report_times(sheets, tallies, found);
+}
+
+/// Puts into words what crosses only where faces are cut otherwise than they were simulated.
+fn report_other_cuts(sheets: &[Sheet<'_>], (subject, tally): (Subject, &Tally), found: &mut Verification) {
+    if tally.other.frames == 0 {
+        return;
+    }
+    let where_and_how = tally.other.in_words(tally.looked_at);
+    let cut = "if faces are cut along the other diagonal, as renderers may do,";
+    match subject {
+        Subject::Cloth(i, j) => {
+            let who = match i == j {
+                true => format!("{}: the cloth intersects itself", described(&sheets[i])),
+                false => format!("{} and {} intersect", described(&sheets[i]), described(&sheets[j])),
+            };
+            if [i, j].iter().any(|k| sheets[*k].render_mesh_of.is_some()) {
+                return found.facts.push(format!("{who} {cut} {where_and_how}"));
+            }
+            let advice =
+                "write the triangles that were simulated: faces = \"triangles\" under [output], or convert --triangles";
+            found.warnings.push(format!("{who} {cut} {where_and_how}; {advice}"));
+        }
+        Subject::Body(i) => {
+            let advice = "a thicker body keeps the cloth clear of both diagonals";
+            found.warnings.push(format!("{} and the body intersect {cut} {where_and_how}; {advice}", sheets[i].name));
+        }
+    }
+}
+
+/// A mesh by its name, and whether it is a render mesh.
+fn described(sheet: &Sheet<'_>) -> String {
+    if sheet.render_mesh_of.is_some() { render_mesh(sheet) } else { sheet.name.clone() }
 }
 
 /// A render mesh by its name, and that it is one.

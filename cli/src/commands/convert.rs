@@ -14,15 +14,18 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         to: args.to.clone(),
         object: args.object.clone(),
         frames: args.frames.map(|frames| [frames.first, frames.last]),
+        from_length: args.from_length,
+        from_up: args.from_up,
         length: args.length,
         up: args.up,
         fps: args.fps,
+        triangles: args.triangles,
         overwrite: args.overwrite,
     };
     let mut frames = 0_u64;
     let converted = convert_cache(&conversion, &mut |_| frames += 1)?;
-    let Converted { frames: [first, last], points, units, left_out } = converted;
-    left_out.iter().for_each(|what| tracing::warn!("{what}"));
+    let Converted { frames: [first, last], points, units, left_out, doubts } = converted;
+    doubts.iter().chain(&left_out).for_each(|what| tracing::warn!("{what}"));
     say::line(format_args!("{}: {frames} frames, {first}-{last}, of {points} points in {units}", args.to.display()));
     Ok(ExitCode::Done)
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use drapery_io::file_summary::MeshSummary;
 use drapery_io::formats;
+use drapery_shot::run_record::MANIFEST;
 
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
@@ -11,6 +12,14 @@ use crate::say;
 
 /// Prints what a file holds.
 pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
+    if path.join(MANIFEST).is_file() {
+        let text = format!(
+            "{0}: this is the folder of a run\n  help: drapery status {0} tells how far it is; give one of its caches to see what \
+             it holds",
+            path.display()
+        );
+        return Err(Failure::new(ExitCode::BadInput, text));
+    }
     let summary = formats::inspect(path)?;
     say::line(format_args!("{}: {}", path.display(), summary.format));
     for (name, value) in &summary.properties {

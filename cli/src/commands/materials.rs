@@ -1,33 +1,72 @@
 //! `drapery materials`: presets and material files, and where their numbers come from.
 
+use std::borrow::Cow;
+
+use drapery_core::settings::nearest;
 use drapery_io::materials::{self, Material, PRESETS};
 use drapery_io::scene_file::{material_files, read_material};
+use serde_json::{Value, json};
 
-use crate::args::MaterialsArgs;
+use crate::args::ListArgs;
 use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
-/// Lists all materials that a scene would find.
-pub(crate) fn materials(args: &MaterialsArgs, around: &Environment) -> Result<ExitCode, Failure> {
-    for material in PRESETS {
-        list(material, "preset");
-    }
-    let mut found = Vec::new();
-    for file in material_files(&around.search(args).value.materials)? {
+/// Lists all materials that a scene would find, or one of them.
+pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCode, Failure> {
+    let mut all: Vec<(Cow<'_, Material>, String)> =
+        PRESETS.iter().map(|material| (Cow::Borrowed(material), "preset".to_owned())).collect();
+    for file in material_files(&around.search(&args.materials).value.materials)? {
         let material = read_material(&file)?;
         let place = file.display();
-        match materials::find(&material.name) {
-            Some(_) => list(&material, &format!("{place}; not used, the preset of this name goes first")),
-            None if found.contains(&material.name) => {
-                list(&material, &format!("{place}; not used, a folder named before has one of this name"));
+        let place = match materials::find(&material.name) {
+            Some(_) => format!("{place}; not used, the preset of this name goes first"),
+            None if all.iter().any(|(known, _)| known.name == material.name) => {
+                format!("{place}; not used, a folder named before has one of this name")
             }
-            None => list(&material, &place.to_string()),
+            None => place.to_string(),
+        };
+        all.push((Cow::Owned(material), place));
+    }
+    if let Some(name) = &args.name {
+        let names: Vec<String> = all.iter().map(|(material, _)| material.name.to_string()).collect();
+        all.retain(|(material, _)| material.name == name.as_str());
+        if all.is_empty() {
+            let help = match nearest(name, names.iter().map(String::as_str)) {
+                Some(best) => format!("did you mean `{best}`?"),
+                None => format!("there are {}", names.join(", ")),
+            };
+            return Err(Failure::new(ExitCode::Usage, format!("there is no material `{name}`\n  help: {help}")));
         }
-        found.push(material.name);
+    }
+    if args.json {
+        let list: Vec<Value> = all.iter().map(|(material, place)| as_json(material, place)).collect();
+        // Texts and numbers always have a JSON form.
+        say::line(serde_json::to_string_pretty(&list).unwrap_or_default());
+    } else {
+        all.iter().for_each(|(material, place)| list(material, place));
     }
     Ok(ExitCode::Done)
+}
+
+/// A material for programs, in SI units.
+fn as_json(material: &Material, place: &str) -> Value {
+    json!({
+        "name": material.name,
+        "summary": material.summary,
+        "density": material.density,
+        "thickness": material.thickness,
+        "bending_rigidity": material.bending_rigidity,
+        "damping_ratio": material.damping_ratio,
+        "friction": material.friction,
+        "stretch_stiffness": material.stretch_stiffness,
+        "membrane": material.membrane,
+        "strain_limit": material.strain_limit,
+        "linearity": material.linearity,
+        "provenance": material.provenance,
+        "from": place,
+    })
 }
 
 fn list(material: &Material, place: &str) {

@@ -2,8 +2,10 @@
 
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::BodyDescription;
 use drapery_io::error::IoError;
 use drapery_io::formats;
+use drapery_io::shot_description::BodyThickness;
 use drapery_shot::{RenderMeshSize, Shot};
 use serde_json::{Value, json};
 
@@ -52,7 +54,8 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
-    let mut text = format!("shot {}: frames {first}-{last} at {numerator}/{denominator} fps\n", shot.name());
+    let rate = if denominator == 1 { numerator.to_string() } else { format!("{numerator}/{denominator}") };
+    let mut text = format!("shot {}: frames {first}-{last} at {rate} fps\n", shot.name());
     if timeline.start < first {
         text += &format!("pre-roll: {} frames from frame {}\n", first - timeline.start, timeline.start);
     }
@@ -92,8 +95,18 @@ fn scene_text(shot: &Shot) -> String {
             bytes_per_sample as f64 / 1e3
         );
     }
-    for body in &scene.description().bodies {
-        text += &format!("body {}: friction {}, thickness {} m\n", body.name, body.friction, body.thickness);
+    let found = shot.body_thickness().iter().copied().chain(std::iter::repeat(None));
+    for (body, found) in scene.description().bodies.iter().zip(found) {
+        text += &format!("body {}: friction {}, thickness {} m", body.name, body.friction, body.thickness);
+        text += &match found {
+            Some(BodyThickness { needed, is_written: false }) if needed == body.thickness => {
+                ", which the faces of body and garments need over its curvature\n".to_owned()
+            }
+            Some(BodyThickness { needed, .. }) => {
+                format!("; the faces of body and garments need {needed} m over its curvature\n")
+            }
+            None => "\n".to_owned(),
+        };
     }
     text
 }
@@ -110,7 +123,11 @@ fn mebibytes(bytes: usize) -> String {
 fn output_text(shot: &Shot) -> String {
     let output = shot.output();
     let velocities = if output.velocities { "with velocities" } else { "without velocities" };
-    let mut text = format!("output: {}, {velocities}\n", output.units);
+    let faces = match output.triangles {
+        true => "garments as the triangles that are simulated",
+        false => "garments with the faces of their files, which renderers may cut along either diagonal",
+    };
+    let mut text = format!("output: {}, {velocities}; {faces}\n", output.units);
     for format in output.formats.iter().filter_map(|word| formats::by_extension(word)) {
         text += &format!("  .{}: {}\n", format.extension, format.summary);
     }
@@ -134,6 +151,16 @@ fn with(mut object: Value, rest: Value) -> Value {
         object.extend(rest);
     }
     object
+}
+
+/// The thickness of bodies that are meshes, and what their faces and those of the garments need.
+fn bodies_json(shot: &Shot) -> Value {
+    let bodies = shot.simulation().scene().description().bodies.iter().zip(shot.body_thickness());
+    let of = |(body, found): (&BodyDescription, &Option<BodyThickness>)| {
+        let BodyThickness { needed, is_written } = (*found)?;
+        Some(json!({"body": body.name, "thickness": body.thickness, "needed": needed, "is_written": is_written}))
+    };
+    bodies.filter_map(of).collect()
 }
 
 /// What is said of a shot, whoever runs it.
@@ -165,6 +192,8 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
+        "faces": if shot.output().triangles { "triangles" } else { "original" },
+        "body_thickness": bodies_json(shot),
         "origin": <[f64; 3]>::from(shot.origin()),
         "referred_files": shot.referred_files().iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
         "warnings": crate::plan::warnings_json(shot),

@@ -18,7 +18,7 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::log::{self, FolderLogs};
 use crate::progress::{Progress, duration};
-use crate::ranks::launcher;
+use crate::ranks::{self, launcher};
 use crate::signals::Unasked;
 use crate::{Ended, plan, say, signals};
 
@@ -46,7 +46,7 @@ pub(crate) fn run(
     args: &RunArgs,
     ranks: &Ranks,
     around: Result<Environment, Failure>,
-    quiet: bool,
+    (quiet, verbose): (bool, bool),
     logs: &FolderLogs,
 ) -> Result<Ended, Failure> {
     if args.replay {
@@ -82,7 +82,7 @@ pub(crate) fn run(
             if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
                 if report.outcome != Outcome::NothingToDo {
-                    say::line(end_table(&report));
+                    say::line(end_table(&report, verbose));
                 }
                 say::line(last);
             }
@@ -141,6 +141,7 @@ fn run_shot(
         dump: args.dump.clone(),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
+    ranks::writes_into(&options.out);
     Ok(shot.run(&options, watcher)?)
 }
 
@@ -221,6 +222,13 @@ impl Observer for Watcher<'_> {
         tracing::warn!("{text}");
     }
 
+    fn accepted(&mut self, text: String) {
+        tracing::info!("{text}");
+        if !self.quiet && self.style == ProgressStyle::Auto {
+            say::line(text);
+        }
+    }
+
     fn dumped(&mut self, text: String) {
         tracing::info!("{text}");
         if !self.quiet && !matches!(self.style, ProgressStyle::Json | ProgressStyle::None) {
@@ -281,8 +289,32 @@ fn limits_kept(done: &str, exceeded: &[Exceeded], uncounted: &[[i64; 2]]) -> Res
     Err(Failure::new(ExitCode::QualityLimits, text))
 }
 
-/// Where the time went (over ranks the mean, and the least and the most of one), what was counted, and where the caches are.
-fn end_table(report: &RunReport) -> String {
+/// Summary of a run: limits, caches, and the file to open; with `is_long` also the seconds of stages and all counts.
+fn end_table(report: &RunReport, is_long: bool) -> String {
+    let mut text = if is_long { stages_and_counts(report) } else { limits(&report.metrics) };
+    let on = if report.ranks > 1 { format!(" on {} ranks", report.ranks) } else { String::new() };
+    text += &format!("{} frames in {}{on}\n", report.frames, duration(report.seconds));
+    let files = report.files.iter().map(|file| format!("wrote {}", file.display()));
+    let layers =
+        report.layers.iter().map(|file| format!("wrote {}: open this one, it has all garments", file.display()));
+    text + &files.chain(layers).collect::<Vec<_>>().join("\n")
+}
+
+/// Counts that should stay zero: in a line those that did, and each that did not.
+fn limits(metrics: &Metrics) -> String {
+    let counted = |name: &str| metrics.counts().iter().find(|(known, _)| known == name).map(|(_, amount)| *amount);
+    let watched = LIMITS.iter().filter_map(|(name, _)| Some((*name, counted(name)?)));
+    let (kept, exceeded): (Vec<_>, Vec<_>) = watched.partition(|(_, amount)| *amount == 0);
+    let mut text: String = exceeded.iter().map(|(name, amount)| format!("{name:<28} {amount:>10}\n")).collect();
+    if !kept.is_empty() {
+        let names: Vec<&str> = kept.iter().map(|(name, _)| *name).collect();
+        text += &format!("{:<28} {:>10}\n", names.join(", "), 0);
+    }
+    text
+}
+
+/// Seconds of stages (mean, least and most over ranks), and all counts.
+fn stages_and_counts(report: &RunReport) -> String {
     let mut text = format!("{:<28} {:>10} {:>7} {:>9}", "stage", "seconds", "share", "calls");
     if report.ranks > 1 {
         text += &format!(" {:>10} {:>10}", "least", "most");
@@ -296,11 +328,7 @@ fn end_table(report: &RunReport) -> String {
         }
         text += "\n";
     }
-    text += &counts(&report.metrics);
-    let on = if report.ranks > 1 { format!(" on {} ranks", report.ranks) } else { String::new() };
-    text += &format!("{} frames in {}{on}\n", report.frames, duration(report.seconds));
-    let files: Vec<String> = report.files.iter().map(|file| format!("wrote {}", file.display())).collect();
-    text + &files.join("\n")
+    text + &counts(&report.metrics)
 }
 
 fn counts(metrics: &Metrics) -> String {

@@ -54,6 +54,11 @@ fn text(status: &Status, folder: &Path) -> String {
         let (count, first, worst) = (found.total, found.first_frame, found.worst_frame);
         line("", format!("{name} {count}, first in frame {first}, most in frame {worst}: {meaning}"));
     }
+    if status.steps_tried_again > 0 {
+        let how_often =
+            format!("{} attempts at steps that went wrong, with success in the end", status.steps_tried_again);
+        line("tried again", how_often);
+    }
     if !status.uncounted.is_empty() {
         line("", format!("{}: not counted; run.jsonl does not hold all of it", in_words(&status.uncounted)));
     }

@@ -202,3 +202,62 @@ fn a_mesh_that_no_machine_has_room_for_is_refused_before_it_is_made() {
         assert!(!refused.stderr.contains("backtrace") && !folder.path().join("out").exists(), "{}", refused.stderr);
     }
 }
+
+#[test]
+fn frames_that_the_shot_does_not_have_are_refused() {
+    let folder = folder_with(SHEET);
+    for command in ["check", "plan", "run"] {
+        let outcome = drapery(folder.path(), &[command, "scene.toml", "--frames", "1001-1200"]);
+        assert_eq!(outcome.code, Some(2), "{command}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains("the shot ends at frame 1004"), "{command}: {}", outcome.stderr);
+    }
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn a_word_of_the_solver_in_the_place_of_a_file_of_settings_is_told_apart() {
+    let folder = folder_with(SHEET);
+    let outcome = drapery(folder.path(), &["check", "scene.toml", "--preset", "production"]);
+    assert_eq!(outcome.code, Some(2), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("--set solver.preset=production"), "{}", outcome.stderr);
+}
+
+#[test]
+fn very_many_problems_are_counted_and_the_first_are_shown() {
+    let garments: String = (0..5000).map(|index| format!("[[garment]]\nname = \"g{index}\"\ndensity = 1\n")).collect();
+    let scene = SHEET.replace("[output]", &format!("{garments}[output]"));
+    let start = std::time::Instant::now();
+    let outcome = drapery(folder_with(&scene).path(), &["check", "scene.toml"]);
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    assert_eq!(outcome.code, Some(78));
+    assert!(
+        outcome.stderr.contains("5000 problems") && outcome.stderr.contains("and 4960 more"),
+        "{}",
+        outcome.stderr.len()
+    );
+}
+
+#[test]
+fn a_damaged_manifest_is_named_and_no_other_run() {
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]).code, Some(0));
+    std::fs::write(folder.path().join("out/manifest.json"), "{\"shot\": \"she").unwrap();
+    let again = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]);
+    assert_eq!(again.code, Some(65), "{}", again.stderr);
+    for part in ["manifest.json: line 1", "it is damaged", "--overwrite"] {
+        assert!(again.stderr.contains(part), "{part}: {}", again.stderr);
+    }
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q", "--overwrite"]).code, Some(0));
+}
+
+#[test]
+fn another_mesh_cannot_go_on_from_a_checkpoint_and_is_another_run() {
+    let folder = folder_with(SHEET);
+    let run = |arguments: &[&str]| {
+        drapery(folder.path(), &[&["run", "scene.toml", "--out", "out", "-q"], arguments].concat())
+    };
+    assert_eq!(run(&["--frames", "1001-1002"]).code, Some(0));
+    let other = run(&["--resume-with-changes", "--set", "garment.0.panel.resolution=5"]);
+    assert_eq!(other.code, Some(73), "{}", other.stderr);
+    assert!(other.stderr.contains("of another shot") && other.stderr.contains("--overwrite"), "{}", other.stderr);
+}

@@ -218,7 +218,7 @@ friction = 0.3
 }
 
 #[test]
-fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three() {
+fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three_or_the_least_of_it() {
     for (scene, touches) in planned_scenes().iter().zip([false, true]) {
         for integrator in ["tr_bdf2", "semi_implicit"] {
             let folder = folder_with(scene);
@@ -230,6 +230,12 @@ fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three() 
             let sum: f64 = parts.values().map(|seconds| seconds.as_f64().unwrap()).sum();
             assert!((sum / expected["seconds"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{expected:#}");
             assert_eq!(expected["in_contact"], touches, "{expected:#}");
+            // Contact makes long steps again, as often as nobody knows before.
+            let is_least = touches && integrator == "tr_bdf2";
+            assert_eq!(expected["is_least"], is_least, "{expected:#}");
+            let text = drapery(folder.path(), &["plan", "scene.toml", "--set", &setting]).stdout;
+            assert_eq!(text.contains("in contact, on one core: at least "), is_least, "{text}");
+            assert_eq!(text.contains("within a factor of two"), !is_least, "{text}");
             let cause = plan["frame"]["from"].as_str().unwrap();
             assert_eq!(cause.contains("solver.steps_per_frame"), integrator == "tr_bdf2", "{cause}");
             assert_eq!(parts.contains_key("bodies"), touches, "{expected:#}");
@@ -253,7 +259,8 @@ fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three() 
             ];
             for (name, found) in found {
                 let factor = expected[name].as_f64().unwrap() / found;
-                assert!((1.0 / 3.0..=3.0).contains(&factor), "{integrator}, {touches}, {name}: {factor} of {found}");
+                let bar = if is_least { 0.0..=1.5 } else { 1.0 / 3.0..=3.0 };
+                assert!(bar.contains(&factor), "{integrator}, {touches}, {name}: {factor} of {found}");
             }
         }
     }

@@ -33,7 +33,7 @@ fn a_strict_run_gives_the_same_verdict_again_whatever_came_between() {
     assert_eq!((first.code, limits(&first).len()), (Some(81), 2), "{}", first.stderr);
     let again = run(&[]);
     assert_eq!((again.code, limits(&again)), (Some(81), limits(&first)), "{}", again.stderr);
-    assert!(again.stdout.contains("nothing was done; 2 warnings"), "{}", again.stdout);
+    assert!(again.stdout.contains("nothing was done; 3 warnings"), "{}", again.stdout);
     // Of fewer frames, those that are asked for count.
     let fewer = run(&["--frames", "1001-1001"]);
     assert!(fewer.code == Some(81) && limits(&fewer).len() == 1, "{}", fewer.stderr);
@@ -65,17 +65,17 @@ fn a_strict_run_does_not_pass_frames_that_nobody_has_counted() {
 #[test]
 fn the_last_line_names_as_many_warnings_as_were_given() {
     let folder = folder_with(&crossing());
-    for (arguments, expected) in [(&["--frames", "1001-1900"][..], 3), (&["--frames", "1001-1900"], 3), (&[], 2)] {
-        let run = drapery(folder.path(), &[&["run", "scene.toml"], arguments].concat());
+    for _ in 0..2 {
+        let run = drapery(folder.path(), &["run", "scene.toml"]);
         assert_eq!(run.code, Some(0), "{}", run.stderr);
-        assert_eq!((shown(&run.stderr), named(&run.stdout)), (expected, expected), "{}{}", run.stderr, run.stdout);
+        assert_eq!((shown(&run.stderr), named(&run.stdout)), (3, 3), "{}{}", run.stderr, run.stdout);
     }
     let log = std::fs::read_to_string(folder.path().join("out/sheet/logs/001.log")).unwrap();
     assert_eq!((shown(&log), named(&log)), (3, 3), "{log}");
     // A variable that makes no sense is one more.
     let mut odd = command(folder.path(), &["run", "scene.toml", "--progress", "alf"]);
     let odd: Outcome = odd.env("OMP_NUM_THREADS", "many").output().unwrap().into();
-    assert_eq!((shown(&odd.stderr), named(&odd.stdout)), (3, 3), "{}{}", odd.stderr, odd.stdout);
+    assert_eq!((shown(&odd.stderr), named(&odd.stdout)), (4, 4), "{}{}", odd.stderr, odd.stdout);
 }
 
 #[test]

@@ -320,3 +320,31 @@ fn a_reader_that_has_gone_away_is_no_reason_to_fail() {
         assert!(said.is_empty(), "{arguments:?}\n{said}");
     }
 }
+
+#[test]
+fn a_log_on_a_full_disk_is_missed_when_all_is_done() {
+    let folder = folder_with(SHEET);
+    let run = drapery(folder.path(), &["run", "scene.toml", "-q", "--log-json", "/dev/full"]);
+    assert_eq!(run.code, Some(74), "{}", run.stderr);
+    assert!(run.stderr.contains("/dev/full could not be written"), "{}", run.stderr);
+    assert!(folder.path().join("out/sheet/sheet.abc").is_file());
+}
+
+#[test]
+fn a_cache_that_is_removed_while_a_run_writes_it_ends_the_run_with_its_name() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-1900"));
+    let cache = folder.path().join("out/sheet.abc");
+    let run =
+        command(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]).stderr(Stdio::piped()).spawn().unwrap();
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
+    while !cache.exists() && std::time::Instant::now() < deadline {
+        std::thread::yield_now();
+    }
+    std::fs::remove_file(&cache).unwrap();
+    let ended: Outcome = run.wait_with_output().unwrap().into();
+    assert_eq!(ended.code, Some(74), "{}", ended.stderr);
+    let words = "out/sheet.abc: another program has removed this file";
+    assert!(ended.stderr.contains(words) && ended.stderr.contains("--overwrite"), "{}", ended.stderr);
+    let manifest = std::fs::read_to_string(folder.path().join("out/manifest.json")).unwrap();
+    assert!(manifest.contains("\"state\": \"failed\"") && manifest.contains("has removed this file"), "{manifest}");
+}

@@ -82,6 +82,23 @@ fn samples_that_do_not_reach_are_told_with_the_rate_of_the_file() {
 }
 
 #[test]
+fn a_body_of_an_unlikely_size_whose_file_states_its_unit_is_told_to_write_units_of_its_own() {
+    // 2 cm across by its file, whatever [units] says.
+    let folder = written(&SCENE.replace("[[body]]", "[units]\nlength = \"m\"\n[[body]]"));
+    fs::write(
+        folder.path().join("shots/010/hero.usda"),
+        BODY.replace("metersPerUnit = 0.01", "metersPerUnit = 0.0001"),
+    )
+    .unwrap();
+    let seen = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(seen.code, Some(78), "{}", seen.stderr);
+    assert!(!seen.stderr.contains("set units.length"), "{}", seen.stderr);
+    for words in ["body \"hero\"", "write units = { length = ", "} at this body", "goes over [units]"] {
+        assert!(seen.stderr.contains(words), "{words}: {}", seen.stderr);
+    }
+}
+
+#[test]
 fn a_render_mesh_in_another_unit_or_without_a_place_is_told_as_such() {
     let scene = "drapery = 1\n[shot]\nframes = \"1-2\"\n[units]\nlength = \"m\"\nup = \"Y\"\n[gravity]\n[self_repulsion]\n[self_collision]\n\
                  [[garment]]\nname = \"sheet\"\npanel = { resolution = 4, side = 1.0, aspect = 1.0, center = [0, 1, 0] }\n\

@@ -173,3 +173,28 @@ fn the_report_is_one_page_with_charts_and_pictures_and_the_same_bytes_each_time(
     assert_eq!(drapery(folder.path(), &["report", "out"]).code, Some(0));
     assert!(page == std::fs::read_to_string(out.join("report.html")).unwrap());
 }
+
+#[test]
+fn one_material_is_shown_by_its_name_and_all_for_programs() {
+    let folder = folder_with(SHEET);
+    let one = drapery(folder.path(), &["materials", "silk_light"]);
+    assert!(one.stdout.starts_with("silk_light: ") && !one.stdout.contains("cotton_shirting"), "{}", one.stdout);
+    let wrong = drapery(folder.path(), &["materials", "silk_lihgt"]);
+    assert_eq!(wrong.code, Some(2));
+    assert!(wrong.stderr.contains("did you mean `silk_light`?"), "{}", wrong.stderr);
+    let all: Value = serde_json::from_str(&drapery(folder.path(), &["materials", "--json"]).stdout).unwrap();
+    let silk = all.as_array().unwrap().iter().find(|material| material["name"] == "silk_light").unwrap();
+    assert!(silk["density"].as_f64().is_some_and(|density| density > 0.0) && silk["from"] == "preset", "{silk}");
+}
+
+#[test]
+fn the_folder_of_a_run_is_known_where_a_file_is_asked_for() {
+    let folder = run_into(&["out"]);
+    let info = drapery(folder.path(), &["info", "out"]);
+    assert_eq!(info.code, Some(65));
+    assert!(
+        info.stderr.contains("this is the folder of a run") && info.stderr.contains("drapery status out"),
+        "{}",
+        info.stderr
+    );
+}

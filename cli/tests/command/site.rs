@@ -176,7 +176,7 @@ fn a_run_goes_on_where_other_maps_find_the_same_files_and_notices_other_ones() {
     assert_eq!(first.code, Some(0), "{}", first.stderr);
     // The first place is gone, as it would be on another machine.
     std::fs::remove_dir_all(folder.path().join("a")).expect("it can be removed");
-    let second = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "--config", "b.toml"]);
+    let second = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "--config", "b.toml", "-v"]);
     assert_eq!(second.code, Some(0), "{}", second.stderr);
     assert!(second.stdout.contains("resuming after frame 1"), "{}", second.stdout);
     assert!(second.stderr.contains("patch.obj\" (the same content)"), "{}", second.stderr);

@@ -1,4 +1,4 @@
-//! Ranks as processes of an MPI job: [`World`] is a [`Communicator`] and nothing else.
+//! Ranks as processes of an MPI job: [`World`] is a [`Communicator`], and [`heartbeats`] notice that a rank is lost.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -15,7 +15,10 @@
 //! Limits: messages move while a rank computes only as far as the MPI library sees to it by itself; most libraries send
 //! small ones at once and large ones when both ranks are inside a call.
 
+mod addresses;
+mod connections;
 mod exchange;
+pub mod heartbeats;
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,6 +32,7 @@ use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, CommunicatorCollectives as _, Root as _};
 
+pub use crate::connections::How;
 use crate::exchange::{EXCHANGE, GATHER, PIECE, Underway};
 
 /// Exit code of a job in which a rank panicked: an internal error.

@@ -47,7 +47,7 @@ rate = 1.0",
     ],
     needs: &[Need::State],
     elements: "vertices",
-    maps: &[MapSpec::of("ether_drag")],
+    maps: &[MapSpec::of("ether_drag", &["rate"])],
     force_cost: ForceCost { update: 2.0, product: 1.0 },
     build,
     ..EffectSpec::BARE

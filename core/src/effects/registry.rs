@@ -61,7 +61,7 @@ pub struct PlannedEffect {
 }
 
 /// The map of what every garment has.
-static DENSITY: MapSpec = MapSpec::of("density");
+static DENSITY: MapSpec = MapSpec::of("density", &[]);
 
 /// What can be painted in this build, each with the effect that looks at it; none for what every garment has.
 pub fn maps() -> impl Iterator<Item = (&'static MapSpec, Option<&'static EffectSpec>)> {

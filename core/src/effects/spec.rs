@@ -136,6 +136,9 @@ impl EffectSpec {
 pub struct MapSpec {
     /// Its name under `maps` of a garment.
     pub name: &'static str,
+    /// The rows of the numbers that it varies: what it makes of one of these may not be larger than a scene may write there. Empty
+    /// for what every garment has.
+    pub rows: &'static [&'static str],
     /// Whether it can only be a share of what the effect does: what has several numbers.
     pub is_share: bool,
     /// Whether there is a number in the scene that it varies on a garment; `None` if there always is one.
@@ -143,14 +146,14 @@ pub struct MapSpec {
 }
 
 impl MapSpec {
-    /// A map of a number that the effect always has.
-    pub const fn of(name: &'static str) -> Self {
-        Self { name, is_share: false, varies: None }
+    /// A map of a number that the effect always has, by one of these rows.
+    pub const fn of(name: &'static str, rows: &'static [&'static str]) -> Self {
+        Self { name, rows, is_share: false, varies: None }
     }
 
-    /// A map of what has several numbers.
-    pub const fn fraction(name: &'static str) -> Self {
-        Self { name, is_share: true, varies: None }
+    /// A map of what has several numbers, by these rows.
+    pub const fn fraction(name: &'static str, rows: &'static [&'static str]) -> Self {
+        Self { name, rows, is_share: true, varies: None }
     }
 }
 

@@ -34,7 +34,10 @@ stiffness = "300 N/m""#,
     ],
     needs: &[Need::State],
     elements: "springs",
-    maps: &[MapSpec::of("stretch"), MapSpec::of("stretch_damping")],
+    maps: &[
+        MapSpec::of("stretch", &["stiffness", "spring_stiffness"]),
+        MapSpec::of("stretch_damping", &["damping_ratio"]),
+    ],
     bytes_of_point: 190.0,
     is_internal: true,
     is_essential: true,
@@ -46,12 +49,15 @@ stiffness = "300 N/m""#,
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let curve = match settings.optional("stiffness") {
         Some(stiffness) => TensileCurve::of_garment(settings, context, "stretch", [stiffness])?[0],
-        None if settings.optional("extension").is_some() => {
-            let what = "`extension` belongs to the stiffness of cloth, not to that of single springs";
-            let advice = "give `stiffness` (N/m) in the place of `spring_stiffness`";
-            return Err(Problem::scene("stretch", what, advice));
-        }
-        None => None,
+        None => match TensileCurve::first_setting(settings) {
+            Some(name) => {
+                let garment = context.garment.map_or("", |garment| &context.scene.description().garments[garment].name);
+                let what = format!("`{name}` belongs to the stiffness of cloth, not to that of single springs");
+                let advice = "give `stiffness` (N/m) in the place of `spring_stiffness`";
+                return Err(Problem::scene(format!("garment \"{garment}\", stretch"), what, advice));
+            }
+            None => None,
+        },
     };
     springs::build_effect(
         settings,

@@ -101,6 +101,11 @@ impl TensileCurve {
         Ok(curves)
     }
 
+    /// The first setting of a curve that these have.
+    pub(crate) fn first_setting(settings: &Settings) -> Option<&'static str> {
+        FIELDS.iter().map(|field| field.name).find(|name| settings.optional(name).is_some())
+    }
+
     /// The curve of the settings, for cloth with this stiffness at small strains [N/m]; `None` if they have none.
     ///
     /// # Errors

@@ -2,7 +2,8 @@
 //!
 //! All ranks call the same methods in the same order. Two ranks receive each other's messages in the order in which they were
 //! sent. A rank that is lost ends the others: nothing here returns an error, because nothing can go on without a part of
-//! the cloth (`local_ranks` says how its ranks end, the MPI library ends the whole job).
+//! the cloth (`local_ranks` says how its ranks end; the MPI library ends the whole job when a process
+//! ends, and heartbeats of `core/mpi` do when one falls silent).
 //!
 //! Nothing communicates inside a parallel loop, so that ranks and the threads of a pool never wait for one another.
 

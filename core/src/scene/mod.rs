@@ -240,6 +240,14 @@ impl SceneDescription {
 /// Thickness of a garment that does not say it [m]: a shirt's.
 pub const DEFAULT_THICKNESS: f64 = 0.0005;
 
+/// Largest thickness that a scene may write [m].
+pub const LARGEST_THICKNESS: f64 = 1e3;
+
+/// Smallest and largest density that a scene may write [kg/m²].
+pub const SMALLEST_DENSITY: f64 = 1.0 / LARGEST_DENSITY;
+/// See [`SMALLEST_DENSITY`].
+pub const LARGEST_DENSITY: f64 = 1e6;
+
 /// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known. On many ranks this is what
 /// one of them has: its own vertices and what lies around them.
 #[derive(Debug)]

@@ -60,8 +60,13 @@ impl Simulation {
         let steps = self.find_close_pairs(); // A
         self.show("A");
         let steps = self.time_steps(steps, end, summary)?; // K × B
-        let (ending, failure) = self.resolve_collisions(steps); // C
-        if let Some(failure) = failure
+        if let Some(failure) = steps.failure
+            && self.recover(failure, summary.frame)?
+        {
+            return Ok(Ended::Retried);
+        }
+        let ending = self.resolve_collisions(&steps); // C
+        if let Some(failure) = self.find_failure(ending)
             && self.recover(failure, summary.frame)?
         {
             return Ok(Ended::Retried);
@@ -93,29 +98,24 @@ impl Simulation {
         Ok(steps)
     }
 
-    /// C, unless a time step went wrong or a variant has it within the steps; how it ended, and what went wrong.
-    fn resolve_collisions(&mut self, steps: TimeSteps) -> (Ending, Option<FailureKind>) {
-        if steps.failure.is_some() {
-            return (Ending::Resolved, steps.failure);
+    /// C, unless a variant has it within the steps; returns how it ended.
+    fn resolve_collisions(&mut self, steps: &TimeSteps) -> Ending {
+        if self.variants.collides_after_position {
+            return Ending::Resolved;
         }
-        let ending = if self.variants.collides_after_position {
-            Ending::Resolved
-        } else {
-            let ending = self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1);
-            self.show("C");
-            ending
-        };
-        (ending, self.find_failure(ending))
+        let ending = self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1);
+        self.show("C");
+        ending
     }
 
     fn end_collision_step(&mut self, duration: f64, may_rewind: bool) -> Ending {
-        let Self { scene, contacts, cloth, prescribed, metrics, .. } = self;
+        let Self { scene, contacts, cloth, prescribed, metrics, retry, .. } = self;
         let State { x, v, .. } = &mut cloth.state;
         let Some(contact) = &contacts.cloth else { return Ending::Resolved };
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         let repels = contact.repels_per_collision_step();
-        let mut end = CollisionEnd { x, v, duration, may_rewind };
+        let mut end = CollisionEnd { x, v, duration, may_rewind, checks_all: retry.is_retrying() };
         if repels {
             metrics.stage("C self-repulsion", |m| contacts.repel_once(&mut end, m));
         }
@@ -165,6 +165,7 @@ impl Simulation {
             contact.rewind(state);
         }
         state.a.clone_from(&retry.a_start);
+        retry.forget_steps();
         let (parts, time) = (scene.parts(), state.time);
         parts.halo().update(parts.ranks(), &mut state.x);
         parts.halo().update(parts.ranks(), &mut state.v);
@@ -211,12 +212,13 @@ impl Simulation {
                 mean_edge: scene.mean_edge(),
                 stop,
                 held: self.retry.held().or(scene.isolated()),
+                is_retry: self.retry.is_retrying(),
                 variants: self.variants,
             },
             report: StepReport::default(),
         };
         let report = step.advance();
-        self.retry.note_step(choice.dt);
+        self.retry.note_step(choice.dt, &report);
         self.limit.forget_rate();
         if let Some(stage) = report.not_finite {
             return Ok(Some(FailureKind::NotFinite(stage)));
@@ -229,7 +231,12 @@ impl Simulation {
             // The time of a frame comes from integers, not from a sum of steps.
             self.cloth.state.time = end;
         }
-        Ok(report.diverged.then_some(FailureKind::Diverged))
+        Ok(match report {
+            StepReport { diverged: true, .. } => Some(FailureKind::Diverged),
+            StepReport { unsettled: true, .. } => Some(FailureKind::Unsettled),
+            StepReport { short_solves: 1.., .. } => Some(FailureKind::Short),
+            _ => None,
+        })
     }
 }
 

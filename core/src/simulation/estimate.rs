@@ -6,8 +6,10 @@
 //! ```
 //!
 //! Sizes are those of the scene. Counts follow from the length of the step and from whether cloth is expected to touch
-//! something; how it moves decides them too, and is not known. So an estimate is good within a factor of two, on the machine
-//! that the nanoseconds are from; `drapery plan --measure` simulates frames instead.
+//! something; how it moves decides them too, and is not known. Short steps, and long ones that touch nothing, are as many as planned, so
+//! that an estimate of them is good within a factor of two, on the machine that the nanoseconds are from. Long steps in contact are
+//! made again, with more solves, where cloth is struck or pressed: what is expected of them is the least
+//! ([`FrameEstimate::is_least`]). `drapery plan --measure` simulates frames instead.
 //!
 //! Source of all numbers here: `make measure-plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
 
@@ -41,6 +43,9 @@ pub struct FrameEstimate {
     pub collision_steps: f64,
     /// CPU seconds of [`PARTS_OF_A_FRAME`], in this order.
     pub seconds: [f64; PARTS_OF_A_FRAME.len()],
+    /// Whether all of it is the least that a frame takes while no step is made again, and contact decides how much more there is;
+    /// otherwise the seconds are expected within a factor of two.
+    pub is_least: bool,
 }
 
 impl FrameEstimate {
@@ -132,7 +137,8 @@ impl Simulation {
         let of_bodies = steps * sizes.of_bodies(is_long);
         let nanoseconds = [of_solves, near * NEIGHBOURS + repulsions, near * COLLISIONS, of_bodies];
         let seconds = nanoseconds.map(|nanoseconds| nanoseconds / NANOSECONDS);
-        FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds }
+        let is_least = is_long && in_contact;
+        FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds, is_least }
     }
 
     /// Solves and iterations of so many long steps.

@@ -86,13 +86,14 @@ impl Simulation {
         if summary.max_strain.is_some() {
             summary.strains = self.garment_strains();
         }
+        summary.overstretched = self.overstretched(summary.max_strain.as_ref());
         summary.between_pins = self.strain_between_pins();
         self.crossings = self.find_crossings();
         if self.contacts.cloth.as_ref().is_some_and(SelfContact::keeps_free) {
             self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
         }
         summary.broken = self.broken_in(summary.frame);
-        summary.body_self_crossings = self.prescribed.bodies.self_crossings() as u64;
+        summary.body_self_crossings = self.prescribed.bodies.self_crossings().sum::<usize>() as u64;
         let turned = self.prescribed.bodies.turned() as u64;
         if turned > 0 {
             self.metrics.count_once(&ranks, "body_inside_out", turned);

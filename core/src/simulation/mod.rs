@@ -34,10 +34,12 @@ pub mod frame_io;
 mod frame_summary;
 mod load_balance;
 mod lowered_thickness;
+mod overstretched;
 #[cfg(test)]
 mod planted_errors;
 mod recovery;
 mod start;
+mod start_state;
 
 pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
@@ -46,9 +48,11 @@ pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
+pub use overstretched::Overstretched;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
+pub use start_state::{StartCrossings, StartLengths};
 
 /// What the caller pushes for one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -128,6 +132,8 @@ pub struct FrameSummary {
     pub strains: Vec<GarmentStrains>,
     /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
     pub between_pins: Option<StrainRecord>,
+    /// Cloth that is longer than cloth can be at the end of the frame.
+    pub overstretched: Option<Overstretched>,
     /// Kinetic energy at the end of the frame [J].
     pub kinetic_energy: f64,
     /// Potential energy at the end of the frame [J].
@@ -153,6 +159,7 @@ impl FrameSummary {
             max_strain: None,
             strains: Vec::new(),
             between_pins: None,
+            overstretched: None,
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
@@ -209,6 +216,9 @@ pub struct Simulation {
     warnings: Vec<String>,
     /// Garments that keep less than their thickness.
     lowered: Vec<LoweredThickness>,
+    /// What crosses at the start, and garments with edges that are far from their length at rest there.
+    start_crossings: Vec<StartCrossings>,
+    start_lengths: Vec<StartLengths>,
     /// Who looks at the cloth after lines of the listings.
     observer: Option<Observer>,
 }
@@ -229,6 +239,7 @@ impl Simulation {
         simulation.warn_of_far_bound();
         simulation.pins_take_hold();
         simulation.crossings = simulation.find_crossings();
+        simulation.look_at_start();
         Ok(simulation)
     }
 
@@ -299,9 +310,8 @@ impl Simulation {
         let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
-        let frame = scene.description().timeline.start;
         Ok(Self {
-            frame,
+            frame: scene.description().timeline.start,
             cloth: Cloth { state, scratch },
             dynamics: Dynamics { forces, reaches_ghosts, filters, volumes, wind },
             prescribed: Prescribed { bodies, tracks, pins, targets, mobility },
@@ -318,6 +328,8 @@ impl Simulation {
             retry: RetryState::default(),
             warnings: Vec::new(),
             lowered,
+            start_crossings: Vec::new(),
+            start_lengths: Vec::new(),
             observer: None,
         })
     }

@@ -2,11 +2,14 @@
 //! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
-//! next step, where a solve has diverged, where collisions have moved a vertex far in a long step, or where zones of collisions had
-//! to be stopped. The levels are: half the time
-//! step, up to six times; tighter solves; more attempts with impulses; zones at once; no repulsion around what is
-//! concerned; and at last these vertices stay where they are for this collision step. Finite states are accepted at
-//! the end, and counted; a state that is not finite ends the run, at the last good one.
+//! next step, where a solve has diverged or has not converged, where a stage has left pairs of layers unsettled, where collisions have
+//! moved a vertex far in a long step, or where zones of collisions had to be stopped. The levels are: half the time step, up to six
+//! times; tighter solves; more attempts with impulses; zones at once; no repulsion around the vertices concerned; and at last these
+//! vertices keep the positions of the collision-free state, more of them in each of some attempts, then all. A state that is not finite
+//! ends the run, at the last collision-free one.
+//!
+//! Every state that is taken has come through C, and after a step that any level has touched the exact check looks at all cloth
+//! ([`crate::contact::self_contact`]), so that no level leads to a new crossing.
 //!
 //! All ranks find the same failure and take the same level. Without failure nothing of this runs but one comparison of a
 //! number that the choice of the step needs anyway, and, in scenes without `self_collision`, a copy of the state.
@@ -21,7 +24,7 @@ use crate::parallel::parts::Parts;
 use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
-use crate::step::{Cloth, Dynamics};
+use crate::step::{Cloth, Dynamics, StepReport};
 
 /// Most halvings of the time step.
 const HALVINGS: u32 = 6;
@@ -32,9 +35,16 @@ const HALVINGS_FOR_ZONES: u32 = 2;
 /// The same where collisions have moved a vertex far, which is accepted then.
 const HALVINGS_FOR_BLOWS: u32 = 4;
 
+/// The same where a solve has not converged: more iterations help sooner, and a tolerance that is out of reach may not cost 64 times
+/// the steps.
+const HALVINGS_FOR_SHORT_SOLVES: u32 = 2;
+
 /// Farthest that collisions may move a vertex in a long step, over the edges around it: the velocities of a step that ended so far
 /// elsewhere do not go with its positions, and throw what lies on the vertex.
 const LARGEST_CORRECTION: f64 = 0.05;
+
+/// Attempts in which vertices keep their positions; in the last all do.
+const HELD_ATTEMPTS: u32 = 4;
 
 /// Collision steps without failure after which the time step is doubled again.
 const CALM: u32 = 3;
@@ -63,8 +73,12 @@ pub(super) enum FailureKind {
     NotFinite(&'static str),
     /// Edges change their lengths too fast.
     Wild,
-    /// A solve ended farther from its solution than it began, or Newton's method far from its.
+    /// A solve ended farther from its solution than it began.
     Diverged,
+    /// A solve ended above its tolerance.
+    Short,
+    /// Newton's method left the distance of pairs of layers unsettled.
+    Unsettled,
     /// Collisions moved a vertex far in a long step.
     Struck,
     /// Zones of collisions stayed where they were.
@@ -77,6 +91,8 @@ impl FailureKind {
             Self::NotFinite(_) => "not finite",
             Self::Wild => "rate of strain",
             Self::Diverged => "solve diverged",
+            Self::Short => "solve not converged",
+            Self::Unsettled => "layers not settled",
             Self::Struck => "blow",
             Self::Stopped => "collisions unresolved",
         }
@@ -92,7 +108,6 @@ enum RetryLevel {
     Zones,
     Thinner,
     Held,
-    Accepted,
 }
 
 impl RetryLevel {
@@ -103,15 +118,8 @@ impl RetryLevel {
 }
 
 /// Counts of the levels, in their order.
-const RECOVERY_COUNTS: [&str; 7] = [
-    "retried_shorter",
-    "retried_tighter",
-    "retried_more_attempts",
-    "retried_zones",
-    "retried_thinner",
-    "retried_held",
-    "steps_accepted",
-];
+const RECOVERY_COUNTS: [&str; 6] =
+    ["retried_shorter", "retried_tighter", "retried_more_attempts", "retried_zones", "retried_thinner", "retried_held"];
 
 /// A level that was taken, for whoever looks after the run.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,6 +149,10 @@ pub(super) struct RetryState {
     level: Option<RetryLevel>,
     /// Halvings in the present collision step.
     halved: u32,
+    /// Attempts of the present collision step in which vertices kept their positions.
+    held_attempts: u32,
+    /// Own vertices that the last time step named, and its solves that ended above their tolerance.
+    of_step: (Vec<u32>, u64),
     /// Vertices concerned in the present collision step, by their numbers in the scene, ascending: alike on all ranks.
     concerned: Vec<u32>,
     /// The same among this rank's own, by local number, if they are held.
@@ -192,15 +204,30 @@ impl RetryState {
         self.held.as_deref()
     }
 
-    /// A step of this length was made [s].
-    pub(super) fn note_step(&mut self, dt: f64) {
+    /// A step of this length was made [s]. Solves that ended above their tolerance count once the step is taken.
+    pub(super) fn note_step(&mut self, dt: f64, report: &StepReport) {
         self.dt = dt;
+        self.of_step = (report.concerned.clone(), self.of_step.1 + report.short_solves);
+    }
+
+    /// The time steps since the collision-free state are not taken.
+    pub(super) fn forget_steps(&mut self) {
+        self.of_step.1 = 0;
+    }
+
+    /// Whether the present collision step is tried again.
+    pub(super) fn is_retrying(&self) -> bool {
+        self.level.is_some()
     }
 
     /// The next level against a failure; `None` when there is none left.
     fn next(&self, failure: FailureKind, [collides, repels]: [bool; 2]) -> Option<RetryLevel> {
         let most = if failure == FailureKind::Stopped { HALVINGS_FOR_ZONES } else { HALVINGS };
-        let in_all = if failure == FailureKind::Struck { HALVINGS_FOR_BLOWS } else { HALVINGS };
+        let in_all = match failure {
+            FailureKind::Struck => HALVINGS_FOR_BLOWS,
+            FailureKind::Short => HALVINGS_FOR_SHORT_SOLVES,
+            _ => HALVINGS,
+        };
         let after = self.level.map_or(0, |level| level as usize);
         if after <= RetryLevel::Shorter as usize && self.halved < most && self.halvings < in_all {
             return Some(RetryLevel::Shorter);
@@ -208,15 +235,16 @@ impl RetryState {
         if failure == FailureKind::Struck {
             return None;
         }
-        let is_finite = !matches!(failure, FailureKind::NotFinite(_));
+        if self.level == Some(RetryLevel::Held) {
+            return (self.held_attempts < HELD_ATTEMPTS).then_some(RetryLevel::Held);
+        }
         let by_contact = collides && matches!(failure, FailureKind::Stopped | FailureKind::NotFinite(_));
         let levels = [
             (RetryLevel::Tighter, failure != FailureKind::Stopped),
             (RetryLevel::MoreAttempts, by_contact),
             (RetryLevel::Zones, by_contact),
-            (RetryLevel::Thinner, repels),
-            (RetryLevel::Held, !is_finite),
-            (RetryLevel::Accepted, is_finite),
+            (RetryLevel::Thinner, repels && failure != FailureKind::Short),
+            (RetryLevel::Held, failure != FailureKind::Short),
         ];
         let mut left = levels.into_iter().filter(|(level, is_of_use)| *is_of_use && *level as usize > after);
         left.next().map(|(level, _)| level)
@@ -256,16 +284,20 @@ impl Simulation {
             return None;
         }
         let rate = self.rate_of_strain();
-        let allowed = self.scene.description().solver.largest_strain_per_step();
         if !rate.is_finite() {
             Some(FailureKind::NotFinite("of the step"))
-        } else if rate * self.retry.dt > MAX_STRAIN_PER_STEP_FACTOR * allowed {
+        } else if rate * self.retry.dt > self.largest_strain_of_a_step() {
             Some(FailureKind::Wild)
         } else if ending == Ending::Resolved && self.was_struck() {
             Some(FailureKind::Struck)
         } else {
             (ending == Ending::Stopped).then_some(FailureKind::Stopped)
         }
+    }
+
+    /// Rate of strain times the length of the step that led to it, from which on the step counts as gone wrong.
+    fn largest_strain_of_a_step(&self) -> f64 {
+        MAX_STRAIN_PER_STEP_FACTOR * self.scene.description().solver.largest_strain_per_step()
     }
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
@@ -279,8 +311,10 @@ impl Simulation {
     pub(super) fn relax(&mut self) {
         let retry = &mut self.retry;
         let was_retrying = retry.level.take().is_some();
+        let (ranks, short) = (self.scene.parts().ranks(), std::mem::take(&mut retry.of_step.1));
+        self.metrics.count_once(ranks, "cg_short", short);
         if was_retrying {
-            retry.halved = 0;
+            (retry.halved, retry.held_attempts) = (0, 0);
             retry.concerned.clear();
             retry.held = None;
             if let Some(contact) = &mut self.contacts.cloth {
@@ -295,7 +329,8 @@ impl Simulation {
         }
     }
 
-    /// Takes the collision step back to be tried again; false if the state is accepted as it is.
+    /// Takes the collision step back to be tried again; false where no level is left and the state is finite, so that C makes it
+    /// free of collisions.
     ///
     /// # Errors
     /// Nothing is left to try; the state is the last good one.
@@ -313,15 +348,10 @@ impl Simulation {
         };
         let ranks = self.ranks().clone();
         self.metrics.count_once(&ranks, level.count(), 1);
-        if level != RetryLevel::Accepted {
-            self.roll_back();
-        }
+        self.roll_back();
         if self.retry.events.len() < KEPT {
             let (time, failure, level) = (self.cloth.state.time, failure.word(), level.count());
             self.retry.events.push(Recovery { frame, time, failure, level, garment, vertices });
-        }
-        if level == RetryLevel::Accepted {
-            return Ok(false);
         }
         self.escalate(level);
         Ok(true)
@@ -336,7 +366,9 @@ impl Simulation {
         }
         if level == RetryLevel::Held {
             let parts = scene.parts();
-            let is_held = |i: &usize| retry.concerned.binary_search(&parts.number(*i)).is_ok();
+            retry.held_attempts += 1;
+            let holds_all = retry.held_attempts == HELD_ATTEMPTS;
+            let is_held = |i: &usize| holds_all || retry.concerned.binary_search(&parts.number(*i)).is_ok();
             let takes_no_part =
                 |i: &usize| scene.isolated().is_some_and(|isolated| isolated.binary_search(&(*i as u32)).is_ok());
             retry.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
@@ -345,7 +377,7 @@ impl Simulation {
             let effort = match level {
                 RetryLevel::Shorter | RetryLevel::Tighter => Strategy::Usual,
                 RetryLevel::MoreAttempts => Strategy::MoreAttempts,
-                RetryLevel::Zones | RetryLevel::Thinner | RetryLevel::Held | RetryLevel::Accepted => Strategy::Zones,
+                RetryLevel::Zones | RetryLevel::Thinner | RetryLevel::Held => Strategy::Zones,
             };
             let is_thin = level as usize >= RetryLevel::Thinner as usize;
             contact.set_effort(effort, if is_thin { retry.concerned.clone() } else { Vec::new() });
@@ -376,12 +408,22 @@ impl Simulation {
                 self.contacts.cloth.as_ref().map_or_else(Vec::new, |c| c.frozen_vertices().to_vec())
             }
             FailureKind::Struck => {
-                let largest = self.contacts.cloth.as_ref().map(|contact| contact.largest_correction());
-                largest.filter(|(share, _)| *share > LARGEST_CORRECTION).map(|(_, number)| number).into_iter().collect()
+                let own = self.contacts.cloth.as_ref().map_or((0.0, 0), |contact| contact.largest_correction());
+                let largest = ranks.max(own.0);
+                if own.0 == largest { vec![own.1] } else { Vec::new() }
             }
-            FailureKind::Wild | FailureKind::Diverged => Vec::new(),
+            FailureKind::Wild => {
+                let rate = self.largest_strain_of_a_step() / self.retry.dt;
+                let ranges = self.limit.parts_faster_than(rate).map(|part| parts.ranges()[part].clone());
+                ranges.flatten().map(|vertex| parts.number(vertex)).collect()
+            }
+            FailureKind::Diverged | FailureKind::Short | FailureKind::Unsettled => {
+                std::mem::take(&mut self.retry.of_step.0)
+            }
         };
-        let mut all = ranks.all_gather_v(&own).concat();
+        // Vertices that are held already stay so.
+        let held = if self.retry.held_attempts > 0 { std::mem::take(&mut self.retry.concerned) } else { Vec::new() };
+        let mut all = [held, ranks.all_gather_v(&own).concat()].concat();
         all.sort_unstable();
         all.dedup();
         self.retry.concerned = all;
@@ -434,21 +476,27 @@ mod tests {
             if level == RetryLevel::Shorter {
                 (retry.halvings, retry.halved) = (retry.halvings + 1, retry.halved + 1);
             }
+            retry.held_attempts += u32::from(level == RetryLevel::Held);
         }
         taken
     }
 
     #[test]
-    fn every_ladder_ends_and_only_what_is_not_finite_holds_vertices_or_gives_up() {
-        use RetryLevel::{Accepted, Held, MoreAttempts, Shorter, Thinner, Tighter, Zones};
+    fn every_ladder_ends_with_vertices_that_keep_their_positions() {
+        use RetryLevel::{Held, MoreAttempts, Shorter, Thinner, Tighter, Zones};
+        let held = vec![Held; HELD_ATTEMPTS as usize];
+        let ladder = |shorter, rest: Vec<RetryLevel>| [vec![Shorter; shorter], rest, held.clone()].concat();
         let broken = FailureKind::NotFinite("B.1");
-        assert_eq!(levels(broken, [false; 2]), [vec![Shorter; 6], vec![Tighter, Held]].concat());
-        let all = vec![Tighter, MoreAttempts, Zones, Thinner, Held];
-        assert_eq!(levels(broken, [true; 2]), [vec![Shorter; 6], all].concat());
-        let contact = vec![MoreAttempts, Zones, Thinner, Accepted];
-        assert_eq!(levels(FailureKind::Stopped, [true; 2]), [vec![Shorter; 2], contact].concat());
+        assert_eq!(levels(broken, [false; 2]), ladder(6, vec![Tighter]));
+        assert_eq!(levels(broken, [true; 2]), ladder(6, vec![Tighter, MoreAttempts, Zones, Thinner]));
+        assert_eq!(levels(FailureKind::Stopped, [true; 2]), ladder(2, vec![MoreAttempts, Zones, Thinner]));
+        for failure in [FailureKind::Wild, FailureKind::Diverged, FailureKind::Unsettled] {
+            assert_eq!(levels(failure, [false; 2]), ladder(6, vec![Tighter]));
+            assert_eq!(levels(failure, [true; 2]), ladder(6, vec![Tighter, Thinner]));
+        }
+        // What C has moved far is free of collisions, and the best that a solve comes to is taken and counted.
         assert_eq!(levels(FailureKind::Struck, [true; 2]), [Shorter; 4]);
-        assert_eq!(levels(FailureKind::Wild, [false; 2]), [vec![Shorter; 6], vec![Tighter, Accepted]].concat());
+        assert_eq!(levels(FailureKind::Short, [true; 2]), [Shorter, Shorter, Tighter]);
     }
 
     #[test]

@@ -98,6 +98,12 @@ impl ConjugateGradient {
         (2 * self.r.len() + self.s.len()) * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
     }
 
+    /// Own vertices at which the last solve has left more than its tolerance, by their numbers in the scene.
+    pub fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
+        let left = parts.own().zip(&self.r).filter(|(_, r)| r.norm() > stop.tolerance);
+        left.map(|(vertex, _)| parts.number(vertex)).collect()
+    }
+
     /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution; the ghosts are
     /// those of their owners before and after.
     pub fn solve(

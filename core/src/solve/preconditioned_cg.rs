@@ -129,6 +129,14 @@ impl PreconditionedCg {
         });
     }
 
+    /// Own vertices at which the last solve has left more than its tolerance, by their numbers in the scene.
+    pub fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
+        let nodal = self.r.iter().zip(&self.inverse_masses).map(|(r, inverse_mass)| *r * *inverse_mass);
+        let is_left = |r: &Simd4| r.dot(*r).sqrt() > stop.tolerance;
+        let left = parts.own().zip(nodal).filter(|(_, r)| is_left(r));
+        left.map(|(vertex, _)| parts.number(vertex)).collect()
+    }
+
     /// Solves `P A P d = P b` from d = 0, `b` on the own vertices [N s]; the ghosts of `d` [m/s] are those of their owners
     /// afterwards. All ranks call it together.
     pub fn solve(

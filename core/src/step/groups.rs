@@ -102,6 +102,8 @@ pub struct CollisionEnd<'a> {
     pub duration: f64,
     /// Whether C may give the state back, which leaves a hard case to a shorter collision step.
     pub may_rewind: bool,
+    /// Whether the exact check looks at all cloth afterwards, not at what C has moved alone.
+    pub checks_all: bool,
 }
 
 impl Contacts {
@@ -122,9 +124,10 @@ impl Contacts {
         metrics: &mut Metrics,
     ) -> Ending {
         let Self { bodies, cloth: Some(contact) } = self else { return Ending::Resolved };
-        let CollisionEnd { x, v, duration, may_rewind } = end;
+        let CollisionEnd { x, v, duration, may_rewind, checks_all } = end;
         let moved = |vertex, by| note_moved(bodies, vertex, by);
-        let ending = contact.end_collision_step((x, v), prescribed, duration, may_rewind, metrics, moved);
+        let options = [may_rewind, checks_all];
+        let ending = contact.end_collision_step((x, v), prescribed, duration, options, metrics, moved);
         parts.halo().update(parts.ranks(), x);
         parts.halo().update(parts.ranks(), v);
         ending

@@ -16,6 +16,7 @@
 //! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
 
 mod groups;
+mod prescription;
 mod stage_arrays;
 mod tr_bdf2;
 mod unconverged;
@@ -77,19 +78,27 @@ pub struct StepSettings<'a> {
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
     pub held: Option<&'a [u32]>,
+    /// Whether it is made again after something went wrong.
+    pub is_retry: bool,
     /// Variants of the method.
     pub variants: Variants,
 }
 
 /// What a step reports.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct StepReport {
     /// Iterations of both solves.
     pub cg_iterations: usize,
     /// Line at which a number stopped being finite; the rest of the step was not made.
     pub not_finite: Option<&'static str>,
+    /// Solves that ended above their tolerance.
+    pub short_solves: u64,
     /// Whether a solve ended much farther from its solution than it began.
     pub diverged: bool,
+    /// Whether Newton's method left the distance of some pair of cloth unsettled.
+    pub unsettled: bool,
+    /// Own vertices at which solves or pairs are to blame for that, by their numbers in the scene.
+    pub concerned: Vec<u32>,
 }
 
 /// A line of the listing: its label in the paper, and what it does to a step.
@@ -151,12 +160,21 @@ impl<'a> Solves<'a> {
 }
 
 impl StepReport {
-    /// Counts a solve.
-    fn add(&mut self, outcome: Outcome, line: &'static str, parts: &Parts, metrics: &mut Metrics) {
+    /// Counts a solve. `unsolved` are the own vertices above its tolerance, asked for where it has not come to that.
+    fn add(
+        &mut self,
+        outcome: Outcome,
+        line: &'static str,
+        (parts, metrics): (&Parts, &mut Metrics),
+        unsolved: impl FnOnce() -> Vec<u32>,
+    ) {
         self.cg_iterations += outcome.iterations;
         metrics.count_once(parts.ranks(), "cg_solves", outcome.solves as u64);
         metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
-        metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
+        if !outcome.converged {
+            self.short_solves += 1;
+            self.concerned.extend(unsolved());
+        }
         self.diverged |= outcome.worse;
         if !outcome.finite {
             self.not_finite = self.not_finite.or(Some(line));
@@ -278,7 +296,7 @@ impl<'a> Step<'a> {
             let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, reaches_ghosts, contacts: None };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
-            report.add(outcome, "B.1", parts, m);
+            report.add(outcome, "B.1", (parts, m), || cg.unsolved(parts, solves.settings.stop));
         });
     }
 
@@ -342,7 +360,8 @@ impl<'a> Step<'a> {
         }
         let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
         metrics.stage("C collisions", |m| {
-            let mut end = CollisionEnd { x: x_new, v: v_star, duration: settings.dt, may_rewind: false };
+            let (duration, may_rewind, checks_all) = (settings.dt, false, settings.is_retry);
+            let mut end = CollisionEnd { x: x_new, v: v_star, duration, may_rewind, checks_all };
             contacts.repel_once(&mut end, m);
             contacts.resolve_collisions(end, &prescribed.bodies, parts, m);
         });
@@ -364,7 +383,7 @@ impl<'a> Step<'a> {
             let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, reaches_ghosts, contacts };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
-            report.add(outcome, "B.5", parts, m);
+            report.add(outcome, "B.5", (parts, m), || cg.unsolved(parts, solves.settings.stop));
             if let Some(contacts) = contacts {
                 // v is not needed any more: B.6 goes on from v*.
                 problem.undo_projection(contacts, forces, explicit, v_half, &mut state.v);

@@ -7,6 +7,7 @@ use crate::contact::repulsion::pair_forces::PairForce;
 use crate::parallel::parts::Parts;
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
+use crate::step::StepReport;
 
 /// Arrays of the implicit step; made once.
 #[derive(Debug)]
@@ -31,9 +32,28 @@ pub struct StageArrays {
     pub(super) pairs: Vec<PairForce>,
     /// Own parts that the solves work on.
     pub(super) unconverged: Vec<bool>,
+    /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
+    pub(super) unsettled_vertices: Option<Vec<u32>>,
 }
 
+/// Change of the distance of a pair in the last round of a stage from which on the pair is unsettled, over its thickness: how hard it
+/// pushes is not known then.
+const SETTLED_PAIR: f64 = 0.5;
+
 impl StageArrays {
+    /// Pairs whose distance the last solve has changed so much, in a step of `dt` [s], that the stage is not settled.
+    pub(super) fn unsettled(&self, dt: f64) -> impl Iterator<Item = &PairForce> {
+        self.pairs.iter().filter(move |pair| pair.last_change * dt > SETTLED_PAIR)
+    }
+
+    /// Hands on whether stages since the last report have left pairs unsettled, and their vertices.
+    pub(super) fn report_unsettled(&mut self, report: &mut StepReport) {
+        if let Some(vertices) = self.unsettled_vertices.take() {
+            report.unsettled = true;
+            report.concerned.extend(vertices);
+        }
+    }
+
     /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
     pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
         let matrix = BlockMatrix::new(parts, &|part, visit| {
@@ -58,6 +78,7 @@ impl StageArrays {
             change: local,
             pairs: Vec::new(),
             unconverged: vec![true; parts.count()],
+            unsettled_vertices: None,
         }
     }
 

@@ -21,14 +21,14 @@ use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::repulsion::pair_forces::note_solution;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
-use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
-use crate::solve::implicit_velocity::{PartForces, stop_held};
-use crate::solve::preconditioned_cg::{BlockSystem, Forcing, Projection};
+use crate::solve::implicit_velocity::PartForces;
+use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 use crate::state::State;
+use crate::step::prescription::Prescription;
 use crate::step::stage_arrays::StageArrays;
 use crate::step::unconverged::{PairsInTouch, parts_moved, parts_touched};
 use crate::step::{Prescribed, RepulsionPlace};
@@ -47,12 +47,9 @@ const U: f64 = W - 1.0;
 /// last is so for this step: it is put right in the next one.
 const MOST_ROUNDS: usize = 4;
 
-/// Solves of a stage in which the last has changed the distance of some pair by more than this, over its thickness: how hard it pushes is
-/// not known then. A step whose stages have not come nearer after all of them has gone wrong, and is taken back.
+/// Most solves of a stage in which the last has left a pair unsettled ([`StageArrays::unsettled`]). A step whose stages have not come
+/// nearer after all of them has gone wrong, and is taken back.
 const MOST_ROUNDS_OF_PAIRS: usize = 8;
-
-/// See [`MOST_ROUNDS_OF_PAIRS`].
-const SETTLED_PAIR: f64 = 0.5;
 
 /// Fraction of what bodies give that may be wrong at the end of the first stage, of the second, and of that in B.5. What the
 /// earlier ones leave is looked at again in the later.
@@ -65,58 +62,6 @@ const EXTRAPOLATED: f64 = 0.04;
 /// A change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for what the first
 /// solve has left rather than for a wrong mode, over the tolerance of solves.
 const ROUGH: f64 = 10.0;
-
-/// What is prescribed in a stage.
-struct Prescription<'a> {
-    parts: &'a Parts,
-    pins: Option<&'a HardPins>,
-    targets: &'a PinTargets,
-    recovery_speed: RecoverySpeed,
-    held: &'a [u32],
-    active: &'a ActiveSet,
-}
-
-impl Prescription<'_> {
-    /// Gives the velocities that are prescribed.
-    fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
-        self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
-            let start = self.parts.ranges()[part].start;
-            self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));
-            if let Some(pins) = self.pins {
-                pins.set_velocities(part, start, self.targets, v.0);
-            }
-            stop_held(self.held, start, v.0);
-        });
-        self.parts.halo().update(self.parts.ranks(), v);
-    }
-
-    /// Gives the positions that are prescribed at a fraction of the step that began at `x`.
-    fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
-        self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
-            let range = self.parts.ranges()[part].clone();
-            for contact in self.active.of_part(part) {
-                let carried = x[contact.vertex] + contact.carried * fraction;
-                contact.prescribe(&mut x_stage.0[contact.vertex - range.start], &carried);
-            }
-            if let Some(pins) = self.pins {
-                let (start, speed) = (range.start, self.recovery_speed);
-                pins.set_stage_positions(part, start, self.targets, speed, fraction, (&x[range], x_stage.0));
-            }
-        });
-        self.parts.halo().update(self.parts.ranks(), x_stage);
-    }
-}
-
-impl Projection for Prescription<'_> {
-    fn project(&self, part: usize, r: &mut [Vec3]) {
-        let start = self.parts.ranges()[part].start;
-        self.active.project(part, start, r);
-        if let Some(pins) = self.pins {
-            pins.project(part, start, self.targets, r);
-        }
-        stop_held(self.held, start, r);
-    }
-}
 
 /// A step as its stages see it.
 #[derive(Clone, Copy)]
@@ -427,11 +372,12 @@ impl Stages<'_> {
             };
             total.solves += outcome.solves;
             total.iterations += outcome.iterations;
-            total.converged &= outcome.converged;
+            // What a round has left is the next one's.
+            total.converged = outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
             let factors = [stage.share_of_pairs(), alpha];
-            let changed = note_solution(pairs, cg.pairs_mut().products(), factors) * at.dt;
+            note_solution(pairs, cg.pairs_mut().products(), factors);
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
                 *x += change * alpha;
@@ -441,9 +387,12 @@ impl Stages<'_> {
                 break;
             }
             let moved = self.parts_moved(rough);
-            let settled = round < MOST_ROUNDS || !parts.ranks().any(changed > SETTLED_PAIR);
-            if !total.finite || (round >= MOST_ROUNDS && settled) || round == MOST_ROUNDS_OF_PAIRS {
-                total.worse |= !settled;
+            let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
+            let is_last = round >= MOST_ROUNDS && !is_unsettled;
+            if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
+                if is_unsettled {
+                    self.note_unsettled();
+                }
                 self.arrays.unconverged = moved;
                 break;
             }
@@ -454,6 +403,15 @@ impl Stages<'_> {
         }
         self.arrays.active = active;
         total
+    }
+
+    /// Notes that pairs of the stage are unsettled, and their own vertices.
+    fn note_unsettled(&mut self) {
+        let Some(contact) = &self.repulsion else { return };
+        let nodes = contact.nodes();
+        let of_pairs = self.arrays.unsettled(self.at.dt).flat_map(|pair| pair.nodes);
+        let own = of_pairs.filter(|node| nodes.is_own(*node)).map(|node| nodes.number(node)).collect();
+        self.arrays.unsettled_vertices.get_or_insert_default().append(&mut { own });
     }
 
     /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
@@ -508,7 +466,13 @@ impl Step<'_> {
         for ((v_half, end), x) in scratch.v_half.iter_mut().zip(ends).zip(x) {
             *v_half = (end - x) / dt;
         }
-        outcomes.into_iter().for_each(|outcome| report.add(outcome, "B.1", parts, metrics));
+        let stop = self.settings.stop;
+        if let Some(arrays) = &mut scratch.stages {
+            for outcome in outcomes {
+                report.add(outcome, "B.1", (parts, metrics), || arrays.cg.unsolved(parts, stop));
+            }
+            arrays.report_unsettled(report);
+        }
         metrics.add_time("B.1 velocity".into(), watch.seconds(), 1);
     }
 
@@ -527,7 +491,11 @@ impl Step<'_> {
         let [x_new, v_star] = [&mut self.cloth.scratch.x_new, &mut self.cloth.scratch.v_star].map(std::mem::take);
         let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
         (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);
-        self.report.add(outcome, "B.5", parts, self.metrics);
+        let Self { cloth, metrics, report, settings, .. } = self;
+        if let Some(arrays) = &mut cloth.scratch.stages {
+            report.add(outcome, "B.5", (parts, metrics), || arrays.cg.unsolved(parts, settings.stop));
+            arrays.report_unsettled(report);
+        }
         if let Some(contact) =
             self.contacts.cloth.as_ref().filter(|_| self.settings.variants.self_repulsion == RepulsionPlace::Solves)
         {

@@ -13,6 +13,7 @@ use crate::error::IoError;
 use crate::formats::alembic::{SAME_TIME, merge_times, transform_times};
 use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
 use crate::mesh_data::Connectivity;
+use crate::units::LengthUnit;
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
@@ -65,6 +66,12 @@ impl ArchiveFrames {
         let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
         let bounds = archive.bounds()?;
         Ok((Self { archive, meshes, bounds, fps }, described))
+    }
+
+    /// Whether the file says its unit of length, in a word that is known.
+    pub(super) fn states_length(&self) -> bool {
+        let word = self.archive.metadata().get("lengthUnit");
+        word.is_some_and(|word| LengthUnit::ALL.iter().any(|unit| unit.word() == word))
     }
 
     /// Whether anything of a mesh changes.
@@ -269,10 +276,15 @@ pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     if stored.is_some() {
         return stored;
     }
-    let faces = mesh.faces(0).ok()?;
-    let mut corners = faces.face_indices;
-    reverse(&faces.face_counts, &mut corners);
-    Some(cut(&faces.face_counts, &corners, points))
+    let faces = faces_of(mesh)?;
+    Some(cut(&faces.face_counts, &faces.face_indices, points))
+}
+
+/// The faces of the first sample, counter-clockwise, if they can be read.
+pub fn faces_of(mesh: &PolyMesh) -> Option<Connectivity> {
+    let mut faces = mesh.faces(0).ok()?;
+    reverse(&faces.face_counts, &mut faces.face_indices);
+    Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices })
 }
 
 /// All that is stored of a sample; `of_file` are the bounds of everything in it.

@@ -36,6 +36,8 @@ pub(super) struct StageFrames {
     /// Frames a second.
     pub(super) fps: f64,
     pub(super) units: InputUnits,
+    /// Whether the stage says its unit of length.
+    pub(super) states_length: bool,
     /// Time codes of a frame.
     pub(super) codes_per_frame: f64,
     /// Frames and transforms of the meshes.
@@ -73,12 +75,14 @@ impl StageFrames {
         let places = seen(path, &stage)?;
         let chosen = stage.choose(&places)?;
         let about = stage.about();
-        let (units, unit_note) = decide(stated_units(path, about)?, None, None);
+        let stated = stated_units(path, about)?;
+        let (units, unit_note) = decide(stated, None, None);
         let (fps, codes_per_frame) = frame_rate(path, about)?;
         let mut notes: Vec<String> = unit_note.into_iter().collect();
         notes.extend(notes_on(about));
         notes.extend(chosen.notes.iter().cloned());
-        let mut found = Self { path: path.to_owned(), fps, units, codes_per_frame, meshes: Vec::new(), notes, stage };
+        let (path, states_length) = (path.to_owned(), stated.metres.is_some());
+        let mut found = Self { path, fps, units, states_length, codes_per_frame, meshes: Vec::new(), notes, stage };
         let mut described = Vec::new();
         for (mesh, place) in places.iter().enumerate() {
             let about = found.stage.about();

@@ -9,7 +9,8 @@ use drapery_usd::write::{
 };
 
 use super::samples::{self, Chosen};
-use super::{Conversion, Converted, Work, aside, chosen, described, opened, plan, rate};
+use super::{Conversion, Converted, Work, aside, chosen, described, doubts, opened, plan, rate};
+use crate::atomic_file::put;
 use crate::cache::{APPLICATION, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
@@ -53,7 +54,11 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
         let (samples, lacking) = shown(&source, mesh, conversion)?;
         left_out.extend(lacking);
         left_out.extend(source.left_out(mesh)?);
-        kept.push((mesh, GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?), samples));
+        kept.push((
+            mesh,
+            GarmentMesh::kept(described(&source, mesh, (samples.all[0].0, conversion.triangles))?),
+            samples,
+        ));
     }
     if conversion.object.is_none() {
         left_out.extend(source.hidden());
@@ -66,6 +71,7 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
         parts.push(Part { work: Work { source: &source, mesh: *mesh, plan }, samples, path });
     }
     refuse_too_much(conversion, &parts)?;
+    let doubts = doubts(conversion, &source, kept.iter().map(|(mesh, _, samples)| (*mesh, samples)))?;
     let units = layer_units(parts[0].work.plan.units, f64::from(numerator) / f64::from(denominator));
     let fps = format!("{numerator}/{denominator}");
     let properties = [("application", APPLICATION.to_owned()), ("fps", fps)];
@@ -75,7 +81,7 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
     layer.set_kinds(root, parts.len() > 1).map_err(|error| write_error(&conversion.to, &error))?;
     place(&layer, &conversion.to)?;
     let points = parts.iter().map(|part| part.work.source.meshes()[part.work.mesh].points).sum();
-    Ok(Converted { frames: frames_of(&parts), points, units: parts[0].work.plan.units, left_out })
+    Ok(Converted { frames: frames_of(&parts), points, units: parts[0].work.plan.units, left_out, doubts })
 }
 
 /// Writes all caches of a shot, which lie beside `to`, as one layer: prims, attributes and values are those of the shot's stage.
@@ -88,7 +94,7 @@ pub(super) fn write_shot(to: &Path, shot: &ShotFiles<'_>) -> Result<(), IoError>
     for cache in &shot.caches {
         let source = CacheFrames::open(&to.with_file_name(&cache.file))?;
         let (samples, _) = samples::chosen(&source, 0, Some(shot.frames), to)?;
-        let kept = GarmentMesh::kept(described(&source, 0, samples.all[0].0)?);
+        let kept = GarmentMesh::kept(described(&source, 0, (samples.all[0].0, false))?);
         opened.push((cache, source, samples, kept));
     }
     let root = identifier(shot.name);
@@ -201,7 +207,7 @@ fn place(layer: &SingleLayer, to: &Path) -> Result<(), IoError> {
     let written = File::create(&aside)
         .map_err(|e| IoError::creating(&aside, e))
         .and_then(|mut file| layer.write(&mut file).and_then(|()| file.sync_all()).map_err(|e| IoError::writing(to, e)))
-        .and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
+        .and_then(|()| put(&aside, to));
     if written.is_err() {
         // Half a layer would only confuse; if it cannot be removed either, the first error says why.
         let _ = fs::remove_file(&aside);

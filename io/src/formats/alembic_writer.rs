@@ -29,6 +29,7 @@ use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs};
 use crate::units::Units;
+use crate::written_file;
 
 /// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other
 /// faces; who cuts those along other diagonals sees another surface.
@@ -333,6 +334,12 @@ impl Declared {
 }
 
 impl Open {
+    /// Makes sure that the file still is under its name with all that was committed.
+    fn check(&self, path: &Path) -> Result<(), IoError> {
+        let committed = self.archive.mark().map_or(0, |mark| mark.end);
+        written_file::check(path, self.archive.file(), committed)
+    }
+
     /// Appends a later frame.
     fn write(&mut self, sample: &PolyMeshSample<'_>, crossings: Option<u32>) -> Result<(), AlembicError> {
         self.declared.write(&mut self.archive, sample)?;
@@ -353,6 +360,7 @@ impl CacheWriter for AlembicWriter {
         let open = match std::mem::replace(&mut self.stage, Stage::Closed) {
             Stage::Empty => Box::new(self.write_first(frame)?),
             Stage::Open(mut open) => {
+                open.check(&self.path)?;
                 open.write(&self.sample(frame), frame.crossings)?;
                 open
             }
@@ -372,15 +380,23 @@ impl CacheWriter for AlembicWriter {
     fn sync(&mut self) -> Result<(), IoError> {
         if let Stage::Open(open) = &mut self.stage {
             open.archive.sync()?;
+            open.check(&self.path)?;
             sync_name(&self.path);
         }
         Ok(())
     }
 
     fn finish(&mut self) -> Result<(), IoError> {
-        if let Stage::Open(open) = std::mem::replace(&mut self.stage, Stage::Closed) {
+        if let Stage::Open(mut open) = std::mem::replace(&mut self.stage, Stage::Closed) {
+            open.archive.sync()?;
+            open.check(&self.path)?;
             open.archive.finish(Durability::Synced)?;
             sync_name(&self.path);
+            // What was cut while a frame was written is long enough again, and no archive any more.
+            if self.last_frame_held() != self.mark.last_frame {
+                let what = "has changed this file".to_owned();
+                return Err(IoError::OutputChanged { path: self.path.clone(), what });
+            }
         }
         Ok(())
     }

@@ -43,6 +43,7 @@ use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, face_kinds};
 use crate::input_file;
+use crate::written_file;
 
 /// An HDF5 cache being written.
 #[derive(Debug)]
@@ -59,6 +60,8 @@ struct Stored {
     file: File,
     offsets: Offsets,
     frames: usize,
+    /// Length of the file [bytes].
+    length: u64,
     /// Bytes of the positions, the velocities or the normals of a frame.
     vectors: usize,
 }
@@ -93,7 +96,7 @@ impl Hdf5Writer {
         let data = plan.mesh.read()?;
         let layout = read_layout(path, plan, &data).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
         let file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
-        let mut stored = Stored::new(file, layout.offsets, layout.frames, plan);
+        let mut stored = Stored::new(file, layout.offsets, layout.frames, plan).map_err(failed)?;
         let marks = stored.marks().map_err(failed)?;
         if marks.len() < kept || marks[..kept].contains(&0) {
             return Err(cannot_continue(path, frame, "not all frames up to this one are complete"));
@@ -149,16 +152,19 @@ fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
     // The library tells in words what the system refused; the usual reason is a full disk.
     let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
     let data = plan.mesh.read()?;
+    // The library does not say in a form for programs why it cannot create a file.
+    File::create(&part).map_err(|e| IoError::creating(&part, e))?;
     let offsets = create_file(&part, plan, &data).map_err(|error| refused(error.to_string()))?;
     // The library passes over errors of its last writes: what it says it has written is read again.
     read_layout(&part, plan, &data).map_err(refused)?;
     let file = OpenOptions::new().read(true).write(true).open(&part).map_err(|e| IoError::creating(&part, e))?;
-    Ok(Stored::new(file, offsets, plan.frame_count(), plan))
+    Stored::new(file, offsets, plan.frame_count(), plan).map_err(|e| IoError::writing(&part, e))
 }
 
 impl Stored {
-    fn new(file: File, offsets: Offsets, frames: usize, plan: &CachePlan<'_>) -> Self {
-        Self { file, offsets, frames, vectors: plan.mesh.point_count() * size_of::<[f32; 3]>() }
+    fn new(file: File, offsets: Offsets, frames: usize, plan: &CachePlan<'_>) -> io::Result<Self> {
+        let (length, vectors) = (file.metadata()?.len(), plan.mesh.point_count() * size_of::<[f32; 3]>());
+        Ok(Self { file, offsets, frames, length, vectors })
     }
 
     /// Places of a frame in the file, without its mark: offset and number of bytes.
@@ -253,11 +259,12 @@ impl CacheWriter for Hdf5Writer {
         assert!(index < self.stored.frames, "frames come from the planned range");
         // Not kept between frames: other garments' frames will need the room.
         let bytes = self.pack(frame);
+        written_file::check(&self.path, &self.stored.file, self.stored.length)?;
         let failed = |e| IoError::writing(&self.path, e);
         self.stored.write_frame(index, &bytes).map_err(failed)?;
         self.mark = CacheMark {
             last_frame: Some(frame.frame),
-            bytes: self.stored.file.metadata().map_err(failed)?.len(),
+            bytes: self.stored.length,
             digest: hexadecimal(murmur3_x64_128(&bytes)),
             ..CacheMark::none(&self.path)
         };
@@ -270,12 +277,21 @@ impl CacheWriter for Hdf5Writer {
 
     fn sync(&mut self) -> Result<(), IoError> {
         self.stored.file.sync_all().map_err(|e| IoError::writing(&self.path, e))?;
+        written_file::check(&self.path, &self.stored.file, self.stored.length)?;
         sync_name(&self.path);
         Ok(())
     }
 
     fn finish(&mut self) -> Result<(), IoError> {
-        self.sync()
+        self.sync()?;
+        // What was cut while a frame was written is long enough again, without the frames before.
+        let written = self.mark.last_frame.map_or(0, |last| last.abs_diff(self.first_frame) as usize + 1);
+        let marks = self.stored.marks().map_err(|e| IoError::writing(&self.path, e))?;
+        if marks.iter().take_while(|mark| **mark == 1).count() < written {
+            let what = "has changed this file".to_owned();
+            return Err(IoError::OutputChanged { path: self.path.clone(), what });
+        }
+        Ok(())
     }
 }
 

@@ -10,6 +10,7 @@
 
 mod attributes;
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -30,6 +31,7 @@ use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
 use crate::units::{Units, UpAxis};
+use crate::written_file;
 
 /// Digits of the digest that a folder of clips is named by.
 const DIGITS: usize = 16;
@@ -55,6 +57,8 @@ pub(crate) struct UsdWriter {
     mark: CacheMark,
     /// What is written but may not be on the disk.
     unsynced: Vec<PathBuf>,
+    /// Lengths of all files that the cache is made of [bytes].
+    lengths: BTreeMap<PathBuf, u64>,
 }
 
 /// How far the cache is.
@@ -106,6 +110,7 @@ impl UsdWriter {
             stage: Stage::Empty,
             mark: CacheMark::none(path),
             unsynced: Vec::new(),
+            lengths: BTreeMap::new(),
         }
     }
 
@@ -169,6 +174,7 @@ impl UsdWriter {
         writer.write_layer(&folder, (last, mark.sub_frame))?;
         writer.remove_later(&folder, (last, mark.sub_frame))?;
         writer.mark = mark.clone();
+        writer.note_lengths(&folder)?;
         writer.stage = Stage::Open(folder);
         Ok(writer)
     }
@@ -257,6 +263,21 @@ impl UsdWriter {
         Ok(())
     }
 
+    /// Takes note of the files that are there, all of them parts of the cache.
+    fn note_lengths(&mut self, folder: &Path) -> Result<(), IoError> {
+        let failed = |e| IoError::writing(folder, e);
+        for entry in fs::read_dir(folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            self.lengths.insert(entry.path(), entry.metadata().map_err(failed)?.len());
+        }
+        Ok(())
+    }
+
+    /// Makes sure that all files of the cache are there.
+    fn check(&self) -> Result<(), IoError> {
+        self.lengths.iter().try_for_each(|(path, length)| written_file::check_closed(path, *length))
+    }
+
     /// Writes a file beside its name and renames it.
     fn write_file(&mut self, path: &Path, bytes: &[u8]) -> Result<(), IoError> {
         let part = unfinished(path);
@@ -267,6 +288,7 @@ impl UsdWriter {
             let _ = fs::remove_file(&part);
         }
         written.map_err(|e| IoError::writing(path, e))?;
+        self.lengths.insert(path.to_owned(), bytes.len() as u64);
         if !self.unsynced.iter().any(|known| known == path) {
             self.unsynced.push(path.to_owned());
         }
@@ -296,7 +318,13 @@ impl CacheWriter for UsdWriter {
         // Closed until the frame is complete: after an error nothing may follow.
         let folder = match std::mem::replace(&mut self.stage, Stage::Closed) {
             Stage::Empty => self.write_first()?,
-            Stage::Open(folder) => folder,
+            Stage::Open(folder) => {
+                // All of them at checkpoints and at the end: there may be thousands.
+                let around = [self.path.clone(), folder.join(CacheLayer::TOPOLOGY)];
+                let known = around.iter().filter_map(|path| Some((path, self.lengths.get(path)?)));
+                known.into_iter().try_for_each(|(path, length)| written_file::check_closed(path, *length))?;
+                folder
+            }
             Stage::Closed => panic!("no frame is written after an error"),
         };
         self.write_frame(&folder, frame)?;
@@ -309,6 +337,7 @@ impl CacheWriter for UsdWriter {
     }
 
     fn sync(&mut self) -> Result<(), IoError> {
+        self.check()?;
         for path in std::mem::take(&mut self.unsynced) {
             File::open(&path).and_then(|file| file.sync_all()).map_err(|e| IoError::writing(&path, e))?;
         }

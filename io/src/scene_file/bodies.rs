@@ -1,6 +1,7 @@
 //! Bodies of a scene file.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::coarseness::Ridges;
 use drapery_core::geometry::moving_surface::enclosed_share;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, Described, RigidMotion};
@@ -18,9 +19,13 @@ impl Resolver<'_> {
     /// Resolves one body. Problems are recorded; the body then stays in its place with what could be read.
     pub(super) fn body(&mut self, body: &Body, path: &Path) {
         let still = || RigidMotion::at(Vec3::zeros());
+        let mut ridges = None;
         let (shape, motion, input, faces_inwards) = match (&body.file, self.shape(path)) {
             (Some(file), None) => match self.file_body(body, file, path) {
-                Some((shape, input, faces_inwards)) => (shape, still(), Some(input), faces_inwards),
+                Some((shape, input, faces_inwards, of_mesh)) => {
+                    ridges = Some(of_mesh);
+                    (shape, still(), Some(input), faces_inwards)
+                }
                 None => (BodyShape::Rigid(Shape::HalfSpace), still(), None, false),
             },
             (None, Some(shape)) => (BodyShape::Rigid(shape), self.motion(body, path), None, false),
@@ -32,6 +37,7 @@ impl Resolver<'_> {
             }
         };
         self.bodies.push(input);
+        self.ridges.push(ridges);
         let settings = self.settings(path, BodyDescription::FIELDS);
         self.description.bodies.push(BodyDescription {
             name: body.name.clone(),
@@ -99,7 +105,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn file_body(&mut self, body: &Body, file: &str, path: &Path) -> Option<(BodyShape, InputMotion, bool)> {
+    fn file_body(&mut self, body: &Body, file: &str, path: &Path) -> Option<(BodyShape, InputMotion, bool, Ridges)> {
         let of_shapes = [
             ("position", body.position.is_some()),
             ("rotation", body.rotation.is_some()),
@@ -120,7 +126,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let source = self.open(&here, file, pattern, body.units)?;
+        let source = self.open_body(&here, file, pattern, body.units)?;
         let first = self.mesh(&here, &source, Some(self.first_file_time()))?.mesh;
         let (triangles, _) = first.triangulate();
         let point_count = first.points.len();
@@ -138,7 +144,8 @@ impl Resolver<'_> {
         let label = format!("body \"{}\"", body.name);
         let input = InputMotion { label, source, rest, rows: None, own_units: body.units.is_some() };
         let faces_inwards = enclosed_share(&triangles, &first.points) < 0.0;
-        Some((BodyShape::Surface { triangles, point_count }, input, faces_inwards))
+        let ridges = Ridges::of(&first);
+        Some((BodyShape::Surface { triangles, point_count }, input, faces_inwards, ridges))
     }
 
     /// Refuses two meshes that should be one.

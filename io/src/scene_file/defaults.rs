@@ -123,7 +123,7 @@ mod tests {
                      [garment.panel]\nresolution = 3\n[garment.stretch]\nstiffness = 40\n[[garment.pin]]\ncorners = [\"i0j0\"]\n";
         let scene = parse(scene, "s.toml", std::path::Path::new(""), &[]).unwrap();
         let (defaults, mut table, mut seen) = (Defaults::default(), String::new(), 0);
-        let resolved = crate::scene_file::resolved::write(&scene);
+        let resolved = crate::scene_file::resolved::write(&scene, &scene.root);
         for line in resolved.lines() {
             if let Some(name) = line.strip_prefix('[') {
                 let place = name.trim_matches(['[', ']']).to_owned();

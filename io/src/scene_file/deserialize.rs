@@ -147,9 +147,18 @@ pub(super) fn read<T: DeserializeOwned>(
     })
 }
 
+/// Words of other programs for keys of ours.
+const ELSEWHERE: [(&str, &str); 4] = [
+    ("substeps", "steps_per_frame"),
+    ("sub_steps", "steps_per_frame"),
+    ("subframes", "samples"),
+    ("quality", "preset"),
+];
+
 /// "did you mean", or the list of what is allowed.
 pub(super) fn suggestion(word: &str, words: &[&str]) -> String {
-    match nearest(word, words.iter().copied()) {
+    let ours = ELSEWHERE.iter().find(|(theirs, ours)| *theirs == word && words.contains(ours)).map(|(_, ours)| *ours);
+    match ours.or_else(|| nearest(word, words.iter().copied())) {
         Some(best) => format!("did you mean `{best}`?"),
         None => format!("allowed here: {}", words.join(", ")),
     }

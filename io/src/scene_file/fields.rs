@@ -133,7 +133,9 @@ fn check_values(node: &Node, fields: &[Field], path: &Path, sources: &Sources) -
     let value_of = |field: &Field| node.as_table().and_then(|table| table.get(field.name));
     for (field, node) in fields.iter().filter_map(|field| Some((field, value_of(field)?))) {
         let value = setting(&node.value).ok_or_else(|| field.expected());
-        value.and_then(|value| field.check(&value)).map_err(|text| sources.error(&node.place, text, None))?;
+        let is_file = field.name == PRESET.name && node.as_text().is_some_and(|text| text.contains(['.', '/']));
+        let help = is_file.then(|| "a file of settings is given on the command line, with --preset FILE".to_owned());
+        value.and_then(|value| field.check(&value)).map_err(|text| sources.error(&node.place, text, help))?;
     }
     // What is left to go wrong is a setting that has to be there and is not.
     let missing = |texts: Vec<String>| format!("in `{}`: {}", dotted(path), texts.join("; "));

@@ -31,6 +31,7 @@ mod garments;
 mod maps;
 mod material_files;
 mod memory;
+mod mesh_files;
 mod parameters;
 mod pins;
 mod presets;
@@ -46,6 +47,7 @@ mod search;
 mod shape;
 mod shapes;
 mod start;
+mod thickness;
 mod tree;
 
 use std::path::{Path as FilePath, PathBuf};

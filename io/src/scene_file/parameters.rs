@@ -4,9 +4,15 @@
 //! number; within longer text, `$name` or `${name}` is replaced by the parameter's text (`"skirt$quality.obj"`); `$$`
 //! is a `$`.
 
+use drapery_core::settings::nearest;
+
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
-use super::tree::{self, Entry, Node, Origin, Place, Sources, Table, Value};
+use super::fields;
+use super::tree::{self, Entry, Node, Origin, Path, Place, Sources, Table, Value};
+
+/// The most parts that a dotted key has: far more than any key of a scene.
+const MOST_PARTS: usize = 64;
 
 /// Applies `--set` arguments to the tree: parameters by name, everything else by its dotted key.
 ///
@@ -29,6 +35,11 @@ pub(super) fn override_values(
             continue;
         }
         let words: Vec<&str> = key.split('.').collect();
+        if words.len() > MOST_PARTS {
+            let text = format!("this key has {} parts, and no key of a scene has more than {MOST_PARTS}", words.len());
+            let help = "give the dotted key of a value, for example solver.cfl=2".to_owned();
+            return Err(sources.error(&key_place, text, Some(help)));
+        }
         set_dotted(root, sources, &words, node, &key_place)?;
     }
     Ok(())
@@ -65,14 +76,17 @@ fn set_parameter(
     mut node: Node,
     key_place: &Place,
 ) -> Result<(), SceneFileError> {
+    let keys = keys_ending_in(root, name);
     let parameters = root.as_table_mut().and_then(|t| t.get_mut("parameters")).and_then(Node::as_table_mut);
     let names: Vec<String> = parameters.iter().flat_map(|t| t.0.iter().map(|e| e.key.clone())).collect();
     let Some(declared) = parameters.and_then(|t| t.get_mut(name)) else {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let help = if names.is_empty() {
-            "it declares none; other values are set by their dotted key, for example solver.cfl=2".to_owned()
-        } else {
-            suggestion(name, &names)
+        let help = match keys.first() {
+            Some(key) if nearest(name, names.iter().copied()).is_none() => format!("did you mean `{key}`?"),
+            _ if names.is_empty() => {
+                "it declares none; other values are set by their dotted key, for example solver.cfl=2".to_owned()
+            }
+            _ => suggestion(name, &names),
         };
         return Err(sources.error(key_place, format!("the scene has no parameter `{name}`"), Some(help)));
     };
@@ -92,6 +106,15 @@ fn set_parameter(
     node.origin = Origin::Set(Some(name.to_owned()));
     *declared = node;
     Ok(())
+}
+
+/// Dotted keys of the solver and of the scene's tables that end in a word.
+fn keys_ending_in(root: &Node, word: &str) -> Vec<String> {
+    let of_solver = fields::names_at(&Path::default().key("solver")).into_iter().filter(|name| *name == word);
+    let of_solver = of_solver.map(|name| format!("solver.{name}"));
+    let tables = root.as_table().into_iter().flat_map(|table| &table.0).filter(|entry| entry.key != "parameters");
+    let has = |entry: &&Entry| entry.node.as_table().is_some_and(|table| table.get(word).is_some());
+    of_solver.chain(tables.filter(has).map(|entry| format!("{}.{word}", entry.key))).collect()
 }
 
 fn set_dotted(

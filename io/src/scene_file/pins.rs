@@ -193,12 +193,39 @@ impl Resolver<'_> {
             self.error_with(&path.clone().key("to"), format!("a pin cannot follow \"{}\"", pin.to), help);
             return None;
         };
-        let axes = axes(&pin.axes).ok_or_else(|| format!("\"{}\" is not a set of the axes x, y and z", pin.axes));
+        self.what_it_follows(pin, path);
+        let axes = axes(&pin.axes).ok_or_else(|| {
+            format!("\"{}\" is not a set of the axes x, y and z: write each of them once, as in \"xz\"", pin.axes)
+        });
         let axes = self.check(&path.clone().key("axes"), axes)?;
         let settings = self.settings(path, PinDescription::FIELDS);
         let hold = self.hold(&settings, path)?;
+        if hold != PinHold::Hard && axes != [true; 3] {
+            let help = "leave `axes` out, or hold the vertices hard".to_owned();
+            self.error_with(&path.clone().key("axes"), "a spring pulls along all axes", help);
+        }
         let (from, until) = (settings.number("from"), settings.number("until"));
         Some(PinDescription { garment: index, target, axes, from, until, hold })
+    }
+
+    /// Refuses keys of a pin that say nothing of what it follows, and a path that runs backwards.
+    fn what_it_follows(&mut self, pin: &Pin, path: &Path) {
+        if pin.path.windows(2).any(|points| points[0].0 >= points[1].0) {
+            let help = "sort its points by their times".to_owned();
+            self.error_with(&path.clone().key("path"), "the times of a path have to grow from point to point", help);
+        }
+        let binds = Bind::of(&self.settings(path, &[BIND]), BIND.name) != Bind::Auto;
+        let of_others = [
+            ("path", "`to = \"start\"` or `to = \"here\"`", !pin.path.is_empty() && anchor(&pin.to).is_none()),
+            ("track", "`to = \"track\"`", pin.track.is_some() && pin.to != "track"),
+            (BIND.name, "`to = \"body:…\"`", binds && !pin.to.starts_with("body:")),
+        ];
+        for (key, needed, is_idle) in of_others {
+            if is_idle {
+                let what = format!("`{key}` has a meaning with {needed} only, and this pin has `to = \"{}\"`", pin.to);
+                self.error_with(&path.clone().key(key), what, format!("write {needed}, or leave `{key}` out"));
+            }
+        }
     }
 
     fn hold(&mut self, settings: &Settings, path: &Path) -> Option<PinHold> {
@@ -300,8 +327,10 @@ fn anchor(to: &str) -> Option<PinAnchor> {
 }
 
 fn axes(text: &str) -> Option<[bool; 3]> {
-    let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
-    known.then(|| ['x', 'y', 'z'].map(|axis| text.contains(axis)))
+    let axes = ['x', 'y', 'z'].map(|axis| text.contains(axis));
+    let named = axes.iter().filter(|named| **named).count();
+    // As many letters as axes: none is there twice, and none is another letter.
+    (named > 0 && named == text.chars().count()).then_some(axes)
 }
 
 /// Attachments as the pin file says them; `metres_per_unit` is that of the body.
@@ -321,4 +350,18 @@ fn from_pin_file(file: &PinFile, body_points: usize, metres_per_unit: f64) -> Re
         Ok(SurfaceAttachment { vertex, body_points: pin.body_vertices, weights, offset })
     };
     file.pins.iter().map(attachment).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_named_once_each() {
+        assert_eq!(axes("xyz"), Some([true; 3]));
+        assert_eq!(axes("zx"), Some([true, false, true]));
+        for wrong in ["", "xyzzy", "xx", "w", "xw", "XYZ", "x y"] {
+            assert_eq!(axes(wrong), None, "{wrong}");
+        }
+    }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::{INPUTS, REGISTRY};
+use drapery_core::geometry::coarseness::Ridges;
 use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription, SolverSettings, Timeline};
 use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
@@ -14,15 +15,15 @@ use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
 use crate::shot_description::{FRAMES, OutputDescription, RenderMeshDescription, ShotDescription};
-use crate::units::{self, InputUnits, Units};
+use crate::units::Units;
 use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::{Memory, NoRoom};
 use super::raw::{self, FileUnits, Quantity};
-use super::tree::Path;
-use super::{SceneFile, effects, fields, file_names, ranges, resolved};
+use super::tree::{Path, Segment};
+use super::{SceneFile, effects, fields, file_names, ranges, resolved, thickness};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -48,12 +49,16 @@ pub(super) struct Resolver<'a> {
     pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
+    /// The edges of each of these.
+    pub(super) ridges: Vec<Option<Ridges>>,
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
-    referred_files: Vec<PathBuf>,
+    pub(super) referred_files: Vec<PathBuf>,
     /// What is worth saying about files that can be read.
     warnings: Vec<String>,
+    /// The unit [m] that a body's file states, where its size shows that it is not meant.
+    pub(super) misstated: Option<f64>,
     /// What the garments so far need.
     pub(super) memory: Memory,
 }
@@ -71,11 +76,13 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         render_meshes: Vec::new(),
         grids: Vec::new(),
         bodies: Vec::new(),
+        ridges: Vec::new(),
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
         referred_files: Vec::new(),
         warnings: Vec::new(),
+        misstated: None,
         memory: Memory::new(scene, ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -92,6 +99,8 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
     }
+    let (ridges, bodies) = (std::mem::take(&mut resolver.ridges), &mut resolver.description.bodies);
+    let body_thickness = thickness::of_bodies(&scene.root, ridges, &resolver.garments, bodies);
     for (index, seam) in document.seam.iter().enumerate() {
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
@@ -108,6 +117,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if !scene.path.as_os_str().is_empty() {
         resolver.input_files.insert(0, scene.path.clone());
     }
+    let resolved = resolved::write(scene, &thickness::root(scene, &resolver.description, &body_thickness));
     let unnamed = file_names::not_utf8(&named_files);
     Ok(ShotDescription {
         name: document.shot.name.clone(),
@@ -125,7 +135,8 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         preroll: resolver.preroll,
         output: output(scene),
         check,
-        resolved: resolved::write(scene),
+        resolved,
+        body_thickness,
         warnings: file_names::one_on_some_disks(&document.garment)
             .into_iter()
             .chain(unnamed)
@@ -152,6 +163,7 @@ fn output(scene: &SceneFile) -> OutputDescription {
         sub_frames: output.sub_frames(),
         preroll: output.preroll,
         usd_single: output.usd_single,
+        triangles: output.faces == raw::Faces::Triangles,
     }
 }
 
@@ -195,7 +207,14 @@ impl Resolver<'_> {
 
     /// The value, or `None` after recording what is wrong with a file.
     pub(super) fn of_file<T>(&mut self, path: &Path, result: Result<T, IoError>) -> Option<T> {
-        let location = self.scene.sources.location(&path.place(&self.scene.root));
+        // What no object of the file has is `path`, which stands beside the name of the file.
+        let beside = || Path([&path.0[..path.0.len() - 1], &[Segment::Key("path".to_owned())]].concat());
+        let is_path = |error: &IoError| error.to_string().contains("no mesh has a path like");
+        let place = match &result {
+            Err(error) if is_path(error) && !path.0.is_empty() => beside().place(&self.scene.root),
+            _ => path.place(&self.scene.root),
+        };
+        let location = self.scene.sources.location(&place);
         result.map_err(|error| self.errors.push(SceneFileError::of_file(Some(location), &error))).ok()
     }
 
@@ -208,53 +227,6 @@ impl Resolver<'_> {
         Some(value)
     }
 
-    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
-    /// itself, or the scene for all files.
-    pub(super) fn open(
-        &mut self,
-        path: &Path,
-        file: &str,
-        pattern: Option<&str>,
-        own: Option<FileUnits>,
-    ) -> Option<MeshSource> {
-        if let Some(mesh) = self.scene.meshes.named(file) {
-            let mesh = self.of_file(path, mesh)?;
-            if pattern.is_some() {
-                let help = "leave `path` out, or hand the meshes over one by one".to_owned();
-                self.error_with(path, "a mesh in memory is one object; none can be chosen by its path", help);
-                return None;
-            }
-            return Some(MeshSource::in_memory(&mesh, own.map_or(Units::SI, written)));
-        }
-        let file = self.scene.folder.join(file);
-        let (own, general) = (own.map(written), self.scene.document.units.map(written));
-        let mut warning = None;
-        let opened = MeshSource::open_stating(&file, pattern, |stated| match stated {
-            None => own.or(general).map(InputUnits::from),
-            Some(stated) => {
-                let (units, said) = units::decide(stated, own, general);
-                warning = said;
-                Some(units)
-            }
-        });
-        self.takes(file.clone());
-        let Some(source) = self.of_file(path, opened)? else {
-            let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
-            self.error_with(path, "the units of this file are not known", help.to_owned());
-            return None;
-        };
-        for file in source.other_files() {
-            if !self.referred_files.contains(&file) {
-                self.referred_files.push(file.clone());
-            }
-            self.takes(file);
-        }
-        for note in warning.into_iter().chain(source.notes()) {
-            self.warn(&file.display().to_string(), &note);
-        }
-        Some(source)
-    }
-
     /// Takes note of what somebody should know of a file.
     pub(super) fn warn(&mut self, file: &str, note: &str) {
         let text = format!("{file}: {note}");
@@ -264,7 +236,7 @@ impl Resolver<'_> {
     }
 
     /// Takes note of a file that the shot reads.
-    fn takes(&mut self, file: PathBuf) {
+    pub(super) fn takes(&mut self, file: PathBuf) {
         if !self.input_files.contains(&file) {
             self.input_files.push(file);
         }
@@ -328,7 +300,7 @@ impl Resolver<'_> {
         fields::settings(path.find(&self.scene.root), fields)
     }
 
-    /// A shutter that does not open before it closes, or that nothing samples.
+    /// A shutter that does not open before it closes, or that nothing samples; samples that nothing holds.
     fn shutter(&mut self) {
         let raw::Output { samples, shutter: [open, close], .. } = self.scene.document.output;
         let here = Path::default().key("output").key("shutter");
@@ -352,9 +324,13 @@ impl Resolver<'_> {
         }
     }
 
-    /// Formats that are not in this build of the program.
+    /// Formats that are named twice, or that are not in this build of the program.
     fn formats(&mut self) {
         let words = output(self.scene).formats;
+        for (index, word) in words.iter().enumerate().filter(|(index, word)| words[..*index].contains(word)) {
+            let here = Path::default().key("output").key("format").index(index);
+            self.error_with(&here, format!("the format \"{word}\" is named twice"), "name it once".to_owned());
+        }
         for (index, word) in words.iter().enumerate().filter(|(_, word)| by_extension(word).is_none()) {
             self.error_with(
                 &Path::default().key("output").key("format").index(index),

@@ -25,8 +25,9 @@ const MAPS: &str = ".maps";
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;
 
-/// Writes the scene with all defaults, one value a line, each with its origin. The loader reads it to the same scene.
-pub(super) fn write(scene: &SceneFile) -> String {
+/// Writes a scene whose values are these, with all defaults, one value a line, each with its origin. The loader reads it to the same
+/// scene.
+pub(super) fn write(scene: &SceneFile, root: &Node) -> String {
     let mut out = String::from(
         "# The scene as it was run: every value, and where it came from. Numbers without a unit are in metres,\n\
          # seconds, kilograms and newtons. This file can be run again.\n",
@@ -41,7 +42,7 @@ pub(super) fn write(scene: &SceneFile) -> String {
         let text = format!("# material {name} = {}", std::path::absolute(file).unwrap_or(file.clone()).display());
         out.push_str(&(on_one_line(&text) + "\n"));
     }
-    let Value::Table(root) = &scene.root.value else {
+    let Value::Table(root) = &root.value else {
         return out;
     };
     let mut root = root.clone();

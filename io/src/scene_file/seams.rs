@@ -39,11 +39,19 @@ impl Resolver<'_> {
         let start = timeline.time(timeline.start);
         let closed = if timeline.start < timeline.origin { 0.0 } else { CLOSING };
         let settings = self.settings(path, SeamDescription::FIELDS);
+        let starts = settings.optional("start").unwrap_or(start);
+        let (key, ends) = settings.optional("closed").map_or(("start", closed), |closed| ("closed", closed));
+        if ends < starts {
+            let left_out = if key == "start" { ", as `closed` is left out" } else { "" };
+            let what = format!("this seam is closed at {ends} s{left_out}, before it starts to close at {starts} s");
+            let help = "write a `closed` after its start, or the same time for a seam that closes at once".to_owned();
+            self.error_with(&path.clone().key(key), what, help);
+        }
         self.description.seams.push(SeamDescription {
             garments: [from.garment, to.garment],
             pairs: if in_order { in_turn(&from, &to) } else { to_nearest(&from, &to) },
-            from: settings.optional("start").unwrap_or(start),
-            until: settings.optional("closed").unwrap_or(closed),
+            from: starts,
+            until: ends,
             rest_gap: settings.optional("rest_gap"),
             stiffness: settings.number("strength"),
             damping_ratio: settings.number("damping_ratio"),

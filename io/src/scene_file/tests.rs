@@ -245,6 +245,29 @@ fn parameters_are_numbers_texts_and_simple_products() {
 }
 
 #[test]
+fn a_key_of_very_many_parts_is_refused() {
+    let key = vec!["a"; 20_000].join(".");
+    let error = read_with(SHEET, &[(&key, "1")]).unwrap_err().to_string();
+    assert!(error.contains("this key has 20000 parts"), "{}", &error[..200.min(error.len())]);
+    // In a file the parser has a limit of its own.
+    assert!(read(&format!("{SHEET}\n[{key}]\n")).is_err() && read(&format!("{key} = 1\n{SHEET}")).is_err());
+    // A value that no parser takes is a text.
+    let nested = format!("{}1{}", "[".repeat(20_000), "]".repeat(20_000));
+    assert!(read_with(SHEET, &[("shot.name", &nested)]).is_ok());
+}
+
+#[test]
+fn words_of_other_programs_and_words_cut_short_are_hinted_at() {
+    let hint = |key: &str, value: &str| read_with(SHEET, &[(key, value)]).unwrap_err().to_string();
+    assert!(hint("solver.substeps", "4").contains("did you mean `steps_per_frame`?"));
+    assert!(hint("solver.preset", "prod").contains("did you mean `production`?"));
+    assert!(hint("solver.preset", "tuned.toml").contains("--preset FILE"));
+    assert!(hint("preset", "production").contains("did you mean `solver.preset`?"));
+    assert!(hint("frames", "1-4").contains("did you mean `shot.frames`?"));
+    assert!(hint("resolutoin", "4").contains("did you mean `resolution`?"));
+}
+
+#[test]
 fn set_overrides_parameters_and_any_dotted_key() {
     let scene = read_with(
         SHEET,
@@ -332,6 +355,51 @@ fn resolve_in(folder: &TempDir, text: &str) -> Result<ShotDescription, Vec<Scene
 }
 
 #[test]
+fn a_body_from_a_file_without_a_thickness_has_what_coarse_faces_need() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // A tube of flat strips, so many around, of 0.2 m radius.
+    let mut text = String::new();
+    let (around, rows) = (32, 10);
+    for k in 0..around * rows {
+        let angle = std::f64::consts::TAU * f64::from(k % around) / f64::from(around);
+        text += &format!("v {} {} {}\n", 0.2 * angle.sin(), 0.04 * f64::from(k / around), 0.2 * angle.cos());
+    }
+    for k in 0..around * (rows - 1) {
+        let (row, next) = (k / around * around, (k + 1) % around);
+        let [a, b] = [row + k % around + 1, row + next + 1];
+        text += &format!("f {a} {b} {} {}\n", b + around, a + around);
+    }
+    std::fs::write(folder.path().join("tube.obj"), text).expect("a file");
+    let scene = |thickness: &str, resolution: u32| {
+        format!(
+            "drapery = 1\n[shot]\nframes = \"1-2\"\n[units]\nlength = \"m\"\n[gravity]\n[[body]]\nname = \"tube\"\nfile = \"tube.obj\"\n\
+             {thickness}\n[[garment]]\nname = \"sheet\"\npanel = {{ resolution = {resolution} }}\nmaterial = \"denim_11oz\"\n"
+        )
+    };
+    let shot = |text: &str| resolve_in(&folder, text).unwrap_or_else(|e| panic!("{}", e[0]));
+    let of = |text: &str| (shot(text).scene.bodies[0].thickness, shot(text).body_thickness[0].expect("a mesh"));
+    let (thickness, found) = of(&scene("", 25));
+    assert_eq!((thickness, found.is_written), (found.needed, false));
+    // The panel has right triangles with cells of 4 cm; the strips of the tube are 39 mm wide and 40 mm high.
+    let (cloth, strip) = (2.0 * 0.04_f64.powi(2), 0.039_f64.powi(2) + 0.04_f64.powi(2));
+    let expected = (cloth + strip) / (8.0 * 0.2);
+    assert!((thickness / expected - 1.0).abs() < 0.03, "{thickness}, about {expected} was expected");
+    let resolved = shot(&scene("", 25)).resolved;
+    let line =
+        resolved.lines().find(|line| line.contains("from the faces of the body and the garments")).expect("a line");
+    assert!(line.starts_with(&format!("thickness = {thickness:?}")), "{line}");
+    // What is written out is the same scene.
+    let again = parse(&resolved, "again.toml", folder.path(), &[]).expect("it is read").resolve().expect("it is sound");
+    assert_eq!(again.scene.bodies[0].thickness, thickness);
+    let (written, found) = of(&scene("thickness = \"0.1 mm\"", 25));
+    assert_eq!((written, found.needed, found.is_written), (1e-4, thickness, true));
+    // Never below the fabric's.
+    let (fine, found) = of(&scene("", 250));
+    assert!(fine == 0.66e-3 || fine == found.needed, "{fine}");
+    assert!(fine < thickness);
+}
+
+#[test]
 fn a_body_and_a_garment_from_files_keep_their_units() {
     let folder = wardrobe();
     let shot = resolve_in(&folder, DRESSED).unwrap_or_else(|e| panic!("{}", e[0]));
@@ -403,6 +471,48 @@ fn pins_that_hold_nothing_real_are_refused() {
 }
 
 /// Settings of an effect in SI units, with its defaults.
+#[test]
+fn times_words_and_lists_that_contradict_themselves_are_told_at_their_place() {
+    let pin = |keys: &str| format!("{SHEET}{keys}\n");
+    let seam = |keys: &str| {
+        let sides = "from = { garment = \"sheet\", vertices = [1] }\nto = { garment = \"sheet\", vertices = [2] }";
+        format!("{SHEET}[[seam]]\n{sides}\nstrength = 800\n{keys}\n")
+    };
+    let without_preroll = |text: String| text.replace("preroll = { settle = 5 }\n", "");
+    for (text, words) in [
+        (
+            pin("path = [[0.0, [0, 0, 0]], [2.0, [0, 1, 0]], [1.0, [0, 2, 0]]]"),
+            "scenes/sheet.toml:16:8: the times of a path have to grow from point to point",
+        ),
+        (pin("path = [[1.0, [0, 0, 0]], [1.0, [0, 1, 0]]]"), "the times of a path have to grow"),
+        (pin("axes = \"xyzzy\""), "scenes/sheet.toml:16:8: \"xyzzy\" is not a set of the axes x, y and z"),
+        (pin("axes = \"xy\"\nmode = \"spring\"\nstiffness = 20"), "a spring pulls along all axes"),
+        (
+            pin("track = \"track.abc\""),
+            "`track` has a meaning with `to = \"track\"` only, and this pin has `to = \"start\"`",
+        ),
+        (pin("bind = \"nearest\""), "`bind` has a meaning with `to = \"body:…\"` only"),
+        (seam("start = 2\nclosed = 1"), "this seam is closed at 1 s, before it starts to close at 2 s"),
+        (
+            without_preroll(seam("start = 2")),
+            "this seam is closed at 1 s, as `closed` is left out, before it starts to close at 2 s",
+        ),
+        (seam("start = 2"), "this seam is closed at 0 s, as `closed` is left out"),
+        (format!("{SHEET}[output]\nformat = [\"abc\", \"h5\", \"abc\"]\n"), "the format \"abc\" is named twice"),
+    ] {
+        assert!(message(&text).contains(words), "{words}\n{}", message(&text));
+    }
+    for text in [
+        pin("path = [[0.0, [0, 0, 0]], [2.0, [0, 1, 0]]]\naxes = \"zx\""),
+        seam("start = 2\nclosed = 2"),
+        without_preroll(seam("start = 0.5")),
+        format!("{SHEET}[output]\nformat = [\"h5\", \"abc\"]\nsamples = 3\n"),
+        format!("{SHEET}[effects]\nwithout = []\n"),
+    ] {
+        resolve(&text);
+    }
+}
+
 fn values_in_use(request: &EffectRequest) -> Vec<(&'static str, SettingValue)> {
     let fields = drapery_core::effects::find(&request.effect).expect("a known effect").fields;
     let settings = Settings::check(fields, &request.settings).expect("checked settings");

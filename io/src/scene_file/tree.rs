@@ -23,6 +23,8 @@ pub(super) enum Origin {
     Preset(String),
     /// Preset material, or one from a file.
     Material(String),
+    /// Follows from the meshes.
+    Meshes,
     /// A path of the given origin, replaced by a path map.
     PathMap(Box<Origin>),
 }
@@ -37,6 +39,7 @@ impl fmt::Display for Origin {
             Self::Default => f.write_str("default"),
             Self::Preset(name) => write!(f, "preset {name}"),
             Self::Material(name) => write!(f, "material {name}"),
+            Self::Meshes => f.write_str("from the faces of the body and the garments"),
             Self::PathMap(origin) => write!(f, "{origin}, path map"),
         }
     }

@@ -34,7 +34,7 @@ def manifest_of(folder):
         manifest = json.loads((folder / "manifest.json").read_text("utf-8"))
         manifest["garments"], manifest["origin"], manifest["last_complete_frame"]
     except FileNotFoundError as error:
-        raise CannotLoad(f"{folder} holds no caches: simulate first, or choose the folder that came back from the farm") from error
+        raise CannotLoad(f"{folder} holds no caches: simulate first, or choose the folder that the farm has written") from error
     except (OSError, ValueError, KeyError) as error:
         raise CannotLoad(f"{folder / 'manifest.json'} cannot be read: {error}") from error
     if manifest["last_complete_frame"] is None:

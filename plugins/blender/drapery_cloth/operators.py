@@ -90,7 +90,7 @@ def runs(context):
 
 
 class Task:
-    """Start and end of what works on while Blender goes on, unless a script waits for it."""
+    """Start and end of work in the background, unless a script waits for it."""
 
     wait: BoolProperty(name="Wait", options={"HIDDEN", "SKIP_SAVE"},
                        description="Return when all is done, for scripts: a simulation, too, is at its end then. Without a window "

@@ -146,7 +146,7 @@ class DraperyScene(bpy.types.PropertyGroup):
                                        "0 is still air, which slows the cloth")
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
-                                 description="Folder of a run that came back from a farm; empty for the scene folder's own")
+                                 description="Folder of a run that a farm has made; empty for the scene folder's own")
 
 
 class DraperyPreferences(bpy.types.AddonPreferences):

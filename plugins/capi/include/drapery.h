@@ -341,8 +341,8 @@ int32_t drapery_scene_check(const struct drapery_scene *scene,
                             struct drapery_error **error);
 
 /*
- Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
- and leaves it alone; null is allowed.
+ Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, was freed before, or
+ is used by a call that has not returned, and leaves it alone; null is allowed.
  */
 int32_t drapery_scene_free(struct drapery_scene *scene);
 
@@ -360,7 +360,7 @@ int32_t drapery_simulation_new(const struct drapery_scene *scene,
 
 /*
  Frees a simulation, and with it all arrays that were looked at. Returns DRAPERY_USAGE for what is no handle of a simulation,
- or was freed before, and leaves it alone; null is allowed.
+ was freed before, or is used by a call that has not returned (a callback asks within one), and leaves it alone; null is allowed.
  */
 int32_t drapery_simulation_free(struct drapery_simulation *simulation);
 
@@ -403,8 +403,8 @@ int32_t drapery_simulation_fps(const struct drapery_simulation *simulation,
  up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
  scene no longer moves it.
 
- Errors: there is no such body, or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
- cancelled on the way and is not finished.
+ Errors: there is no such body (DRAPERY_USAGE), or it is an analytic shape; points are missing, or are no place, with the vertex;
+ a frame was cancelled on the way and is not finished.
 
  What the caller promises:
  The array is as long as it says; `error` is the address of a pointer or null.
@@ -417,7 +417,8 @@ int32_t drapery_simulation_move_body(struct drapery_simulation *simulation,
 
 /*
  Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
- DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes with the bits of a frame that never was.
+ DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes, and the result equals that of a frame that
+ was never cancelled, bit for bit.
 
  Errors: the last frame of the shot is reached; an input breaks; the solver gives up, which leaves the last good state.
 
@@ -462,8 +463,8 @@ int32_t drapery_simulation_restore(struct drapery_simulation *simulation,
                                    struct drapery_error **error);
 
 /*
- Frees a state. Returns DRAPERY_USAGE for what is no handle of a state, or was freed before, and leaves it alone; null is
- allowed.
+ Frees a state. Returns DRAPERY_USAGE for what is no handle of a state, was freed before, or is used by a call that has not
+ returned, and leaves it alone; null is allowed.
  */
 int32_t drapery_state_free(struct drapery_state *state);
 

@@ -111,12 +111,32 @@ pub(crate) fn error<H>(handle: *const H) -> Option<Arc<ErrorParts>> {
     }
 }
 
-/// Frees the object of a handle if it is of the kind that `is` looks for, and says whether it was. What another thread uses
-/// lives until it is done.
+impl Object {
+    /// Whether a call works with it.
+    fn is_used(&self) -> bool {
+        match self {
+            Self::Scene(scene) => is_locked(scene),
+            Self::Simulation(simulation) => is_locked(simulation),
+            Self::State(state) => is_locked(state),
+            Self::Error(_) => false,
+        }
+    }
+}
+
+fn is_locked<T>(object: &Mutex<T>) -> bool {
+    matches!(object.try_lock(), Err(TryLockError::WouldBlock))
+}
+
+/// Frees the object of a handle if it is of the kind that `is` looks for and no call uses it, a callback's included, and says whether
+/// it did.
 pub(crate) fn free<H>(handle: *mut H, is: fn(&Object) -> bool) -> bool {
     let mut table = table();
     let number = handle.addr();
-    let freed = if table.objects.get(&number).is_some_and(is) { table.objects.remove(&number) } else { None };
+    let freed = if table.objects.get(&number).is_some_and(|object| is(object) && !object.is_used()) {
+        table.objects.remove(&number)
+    } else {
+        None
+    };
     // Its memory is given back when others may already use the table.
     drop(table);
     freed.is_some()

@@ -160,8 +160,8 @@ pub unsafe extern "C" fn drapery_scene_check(scene: *const drapery_scene, error:
     })
 }
 
-/// Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
-/// and leaves it alone; null is allowed.
+/// Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, was freed before, or
+/// is used by a call that has not returned, and leaves it alone; null is allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_scene_free(scene: *mut drapery_scene) -> i32 {
     freed(scene, |object| matches!(object, Object::Scene(_)))

@@ -118,7 +118,7 @@ pub unsafe extern "C" fn drapery_simulation_new(
 }
 
 /// Frees a simulation, and with it all arrays that were looked at. Returns DRAPERY_USAGE for what is no handle of a simulation,
-/// or was freed before, and leaves it alone; null is allowed.
+/// was freed before, or is used by a call that has not returned (a callback asks within one), and leaves it alone; null is allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_simulation_free(simulation: *mut drapery_simulation) -> i32 {
     freed(simulation, |object| matches!(object, Object::Simulation(_)))
@@ -196,8 +196,8 @@ pub unsafe extern "C" fn drapery_simulation_fps(
 /// up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
 /// scene no longer moves it.
 ///
-/// Errors: there is no such body, or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
-/// cancelled on the way and is not finished.
+/// Errors: there is no such body (DRAPERY_USAGE), or it is an analytic shape; points are missing, or are no place, with the vertex;
+/// a frame was cancelled on the way and is not finished.
 ///
 /// # Safety
 /// The array is as long as it says; `error` is the address of a pointer or null.
@@ -220,7 +220,8 @@ pub unsafe extern "C" fn drapery_simulation_move_body(
 }
 
 /// Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
-/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes with the bits of a frame that never was.
+/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes, and the result equals that of a frame that
+/// was never cancelled, bit for bit.
 ///
 /// Errors: the last frame of the shot is reached; an input breaks; the solver gives up, which leaves the last good state.
 ///

@@ -60,8 +60,8 @@ pub unsafe extern "C" fn drapery_simulation_restore(
     })
 }
 
-/// Frees a state. Returns DRAPERY_USAGE for what is no handle of a state, or was freed before, and leaves it alone; null is
-/// allowed.
+/// Frees a state. Returns DRAPERY_USAGE for what is no handle of a state, was freed before, or is used by a call that has not
+/// returned, and leaves it alone; null is allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_state_free(state: *mut drapery_state) -> i32 {
     freed(state, |object| matches!(object, Object::State(_)))

@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -176,3 +177,17 @@ def test_nothing_is_printed(tmp_path: Path, sheet: Path) -> None:
     done = subprocess.run([*words, str(sheet), str(tmp_path / "run")], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
+
+
+def test_frames_and_reports_print_without_their_counts(tmp_path: Path) -> None:
+    made = drapery.Scene.parse(SHEET)
+    frame, report = made.simulate().advance(), made.shot().run(tmp_path)
+    assert len(frame.counts) > 5 and "counts" not in repr(frame) and f"steps={frame.steps}" in repr(frame)
+    assert len(report.counts) > 5 and "counts" not in repr(report) and "outcome='done'" in repr(report)
+
+
+def test_the_wheel_says_who_made_it_and_under_which_licence() -> None:
+    said = metadata.metadata("drapery")
+    assert said["Author"] == "The Drapery developers" and said["License-Expression"] == "MIT OR Apache-2.0"
+    assert "Typing :: Typed" in (said.get_all("Classifier") or [])
+    assert {"LICENSE-MIT", "LICENSE-APACHE"} <= set(said.get_all("License-File") or [])

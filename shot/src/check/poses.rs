@@ -3,12 +3,14 @@
 
 use drapery_core::Vec3;
 use drapery_core::geometry::moving_surface::{enclosed_share, is_closed};
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::scene::RigidMotion;
 
 use super::{flat_faces, listed};
 
 /// Speed from which on a motion is taken for a jump [m/s]. The hand of a dancer reaches 15 m/s and a thrown ball 50; what
 /// appears elsewhere after a cut goes metres in a frame, which at 24 frames a second is 100 m/s and more.
-const JUMP: f64 = 100.0;
+pub(crate) const JUMP: f64 = 100.0;
 
 /// Factor by which a body may change its size (the root of its area) from one sample to the next. Skin stretches by a few
 /// percent in a frame; a factor of two is a wrong unit or a broken sample.
@@ -152,6 +154,26 @@ pub(crate) fn path_warning(place: &str, points: &[(f64, Vec3)]) -> Option<String
     jumps.warnings("cloth cannot follow that; give these points of the path more time")
 }
 
+/// What is to be said of a shape that spins; `place` names it.
+pub(crate) fn spin_warning(place: &str, shape: &Shape, motion: &RigidMotion) -> Option<String> {
+    let reach = match *shape {
+        // Level ground that turns about its normal; there is no farthest point of it.
+        Shape::HalfSpace => return None,
+        Shape::Sphere { radius } => radius,
+        Shape::Capsule { radius, half_length } => radius + half_length,
+        Shape::Cylinder { radius, half_length } => radius.hypot(half_length),
+        Shape::Box { half_extents } => Vec3::from(half_extents).norm(),
+    };
+    let turns = motion.angular_velocity.norm();
+    let speed = turns * reach;
+    (speed > JUMP).then(|| {
+        format!(
+            "{place}: it spins at {turns:.0} rad/s, and its surface goes at up to {speed:.0} m/s: cloth cannot follow that; write \
+             a smaller `angular_velocity`, which is in radians a second"
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -215,5 +237,21 @@ mod tests {
         let warnings = path_warning("body \"ball\"", &path).unwrap_or_default();
         assert!(warnings.starts_with("body \"ball\": its path goes at 990 m/s from 1 s to 1.1 s"), "{warnings}");
         assert_eq!(path_warning("body \"ball\"", &path[..2]), None);
+    }
+
+    #[test]
+    fn a_spin_that_nothing_follows_is_said_with_the_speed_of_the_surface() {
+        let spinning =
+            |speed: f64| RigidMotion { angular_velocity: Vec3::y() * speed, ..RigidMotion::at(Vec3::zeros()) };
+        let ball = Shape::Sphere { radius: 0.5 };
+        assert_eq!(spin_warning("body \"ball\"", &ball, &spinning(199.0)), None);
+        let said = spin_warning("body \"ball\"", &ball, &spinning(1000.0)).unwrap_or_default();
+        assert!(
+            said.starts_with("body \"ball\": it spins at 1000 rad/s, and its surface goes at up to 500 m/s"),
+            "{said}"
+        );
+        let board = Shape::Box { half_extents: [3.0, 0.1, 4.0] };
+        assert!(spin_warning("", &board, &spinning(20.0)).is_some_and(|said| said.contains("up to 100 m/s")));
+        assert_eq!(spin_warning("", &Shape::HalfSpace, &spinning(1e5)), None);
     }
 }

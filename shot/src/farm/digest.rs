@@ -52,8 +52,8 @@ const YOUNGER: [(&str, &str); 1] = [("solver.steps_per_frame", "8")];
 /// beside it, so that the word itself decides nothing.
 const PRESET: (&str, &str) = ("solver.preset", "\"production\"");
 
-/// Key of the scene that says whether caches hold velocities.
-const VELOCITIES: &str = "output.velocities";
+/// Keys of the scene that say what caches hold: velocities, and which faces.
+const FORM: [&str; 2] = ["output.velocities", "output.faces"];
 
 /// Longest value that is shown in full, in characters.
 const SHOWN: usize = 48;
@@ -132,9 +132,9 @@ impl Fingerprint {
         self
     }
 
-    /// What the scene says about velocities in the caches.
-    pub(crate) fn stores_velocities(&self) -> Option<&str> {
-        self.scene.get(VELOCITIES).map(String::as_str)
+    /// What the scene says about the contents of caches.
+    pub(crate) fn form_of_caches(&self) -> [Option<&str>; 2] {
+        FORM.map(|key| self.scene.get(key).map(String::as_str))
     }
 }
 

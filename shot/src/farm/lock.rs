@@ -95,6 +95,24 @@ pub fn holder(folder: &Path, now: SystemTime) -> Result<Option<Holder>, IoError>
     Ok(found.map(|found| found.holder(&Owner::this_process(), now)))
 }
 
+/// Whether a folder is this process' own.
+///
+/// # Errors
+/// The lock is there and cannot be read.
+pub(crate) fn is_held_by(folder: &Path, owner: &Owner) -> Result<bool, IoError> {
+    let found = Found::read(&folder.join(LOCK))?;
+    Ok(found.and_then(|found| found.record).is_some_and(|record| record.owner == *owner))
+}
+
+/// Gives a folder back that this process holds, and that it will not write into any more: it ends.
+///
+/// # Errors
+/// The lock cannot be removed; the next run finds that the process has ended.
+pub(crate) fn give_back(folder: &Path) -> Result<(), IoError> {
+    let path = folder.join(LOCK);
+    fs::remove_file(&path).map_err(|e| IoError::writing(&path, e))
+}
+
 /// The right to write into a folder, given back when it is dropped.
 #[derive(Debug)]
 pub struct RunLock {

@@ -6,6 +6,7 @@
 //! OUT/control/checkpoint "write a checkpoint and go on"
 //! OUT/logs/001.log       log of the first attempt, and 001.jsonl    attempts.rs
 //! OUT/stale/attempt_002  what an attempt did not go on from         stale.rs
+//! OUT/manifest.json      why a process ended at once                last_words.rs
 //! ```
 //!
 //! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
@@ -13,6 +14,7 @@
 pub(crate) mod attempts;
 pub mod command_line;
 pub mod digest;
+pub mod last_words;
 pub mod lock;
 pub mod process;
 pub mod stale;

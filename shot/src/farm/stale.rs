@@ -171,7 +171,7 @@ fn copy_of(path: &Path, now: &Fingerprint) -> Option<Copy> {
     let then: Fingerprint = serde_json::from_str(&read(FINGERPRINT)?).ok()?;
     let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
     let is_same = digest::compare(&then, now).forbidden.is_empty();
-    let has_form = then.stores_velocities() == now.stores_velocities();
+    let has_form = then.form_of_caches() == now.form_of_caches();
     let holds_checkpoints = !store::entries(path).ok()?.is_empty();
     if !is_same || !has_form || holds_checkpoints {
         return None;

@@ -58,6 +58,8 @@ pub enum Signal {
     Interrupt,
     /// SIGXCPU: the limit of processor time.
     CpuLimit,
+    /// SIGHUP: the terminal is gone, or the connection to the machine.
+    HangUp,
 }
 
 /// Why a run stops early.
@@ -86,6 +88,7 @@ impl Reason {
             Self::Signal(Signal::User2) => "signal USR2",
             Self::Signal(Signal::Interrupt) => "signal INT",
             Self::Signal(Signal::CpuLimit) => "signal XCPU",
+            Self::Signal(Signal::HangUp) => "signal HUP",
             Self::MaxWall => "max-wall",
             Self::StopAt => "stop-at",
             Self::JobEnd => "job-end",
@@ -96,12 +99,13 @@ impl Reason {
 }
 
 /// All reasons; of several at once, the last in this list is the one that is reported.
-const REASONS: [Reason; 10] = [
+const REASONS: [Reason; 11] = [
     Reason::Program,
     Reason::ControlFile,
     Reason::JobEnd,
     Reason::StopAt,
     Reason::MaxWall,
+    Reason::Signal(Signal::HangUp),
     Reason::Signal(Signal::CpuLimit),
     Reason::Signal(Signal::User2),
     Reason::Signal(Signal::User1),

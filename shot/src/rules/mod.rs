@@ -2,12 +2,18 @@
 //! is [`drapery_io::rules`]; each has its file here.
 
 mod body_friction;
+mod density;
 mod frame_rate;
+mod idle_setting;
 mod no_gravity;
 mod no_self_collision;
+mod other_diagonal;
 mod render_mesh;
 mod shape_units;
+mod start_speed;
+mod start_state;
 mod thickness_lowered;
+mod thin_body;
 mod unopened_format;
 mod up_axis;
 mod wind_speed;
@@ -20,10 +26,11 @@ use drapery_core::simulation::Simulation;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::InputMotion;
 use drapery_io::rules::RULES;
-use drapery_io::shot_description::{CheckDescription, OutputDescription};
+use drapery_io::shot_description::{BodyThickness, CheckDescription, OutputDescription};
 
 use crate::inputs::Inputs;
 use crate::render_mesh::JudgedBinding;
+use crate::written_faces::OtherCut;
 
 /// Something suspicious that was accepted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,6 +83,7 @@ pub(crate) struct Facts<'a> {
     pub(crate) garments: &'a [GarmentMesh],
     pub(crate) output: &'a OutputDescription,
     pub(crate) check: &'a CheckDescription,
+    pub(crate) body_thickness: &'a [Option<BodyThickness>],
 }
 
 /// How a rule looks.
@@ -84,6 +92,8 @@ enum Look {
     Facts(fn(&Facts<'_>) -> Vec<Finding>),
     /// At the simulation at its start.
     Simulation(fn(&Simulation) -> Vec<Finding>),
+    /// At what crosses at the start along diagonals that the solver does not take.
+    OtherCuts(fn(&[OtherCut]) -> Vec<Finding>),
     /// At how render meshes are bound.
     Bindings(fn(&[JudgedBinding]) -> Vec<Finding>),
 }
@@ -95,9 +105,16 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("up_axis", Look::Facts(up_axis::find)),
     ("frame_rate", Look::Facts(frame_rate::find)),
     ("thickness_lowered", Look::Simulation(thickness_lowered::find)),
+    ("thin_body", Look::Facts(thin_body::find)),
+    ("other_diagonal", Look::OtherCuts(other_diagonal::find)),
     ("body_friction", Look::Facts(body_friction::find)),
     ("shape_units", Look::Facts(shape_units::find)),
     ("wind_speed", Look::Facts(wind_speed::find)),
+    ("start_speed", Look::Facts(start_speed::find)),
+    ("density", Look::Facts(density::find)),
+    ("start_crossed", Look::Simulation(start_state::find_crossings)),
+    ("start_lengths", Look::Simulation(start_state::find_lengths)),
+    ("idle_setting", Look::Facts(idle_setting::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),
@@ -108,7 +125,7 @@ const LOOKS: [(&str, Look); RULES.len()] = [
 pub(crate) fn of_scene(facts: &Facts<'_>) -> Vec<Warning> {
     of(&facts.check.silenced, |look| match look {
         Look::Facts(find) => find(facts),
-        Look::Simulation(_) | Look::Bindings(_) => Vec::new(),
+        _ => Vec::new(),
     })
 }
 
@@ -116,7 +133,7 @@ pub(crate) fn of_scene(facts: &Facts<'_>) -> Vec<Warning> {
 pub(crate) fn of_simulation(simulation: &Simulation, silenced: &[String]) -> Vec<Warning> {
     of(silenced, |look| match look {
         Look::Simulation(find) => find(simulation),
-        Look::Facts(_) | Look::Bindings(_) => Vec::new(),
+        _ => Vec::new(),
     })
 }
 
@@ -124,7 +141,15 @@ pub(crate) fn of_simulation(simulation: &Simulation, silenced: &[String]) -> Vec
 pub(crate) fn of_bindings(bindings: &[JudgedBinding], silenced: &[String]) -> Vec<Warning> {
     of(silenced, |look| match look {
         Look::Bindings(find) => find(bindings),
-        Look::Facts(_) | Look::Simulation(_) => Vec::new(),
+        _ => Vec::new(),
+    })
+}
+
+/// Warnings of the rules that look at what crosses at the start along other diagonals, but for these.
+pub(crate) fn of_other_cuts(cuts: &[OtherCut], silenced: &[String]) -> Vec<Warning> {
+    of(silenced, |look| match look {
+        Look::OtherCuts(find) => find(cuts),
+        _ => Vec::new(),
     })
 }
 

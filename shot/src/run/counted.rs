@@ -5,6 +5,7 @@ use drapery_io::checkpoint::Head;
 use serde_json::Value;
 
 use crate::checkpoints::Loaded;
+use crate::overstretched;
 use crate::pinned;
 use crate::quality::{self, Exceeded};
 use crate::run::observer::Observer;
@@ -21,6 +22,8 @@ pub(super) struct Counted {
     pub(super) uncounted: Vec<[i64; 2]>,
     /// The largest strain between pins that was reported.
     told_strain: f64,
+    /// The largest strain of any cloth that was.
+    told_overstretched: f64,
 }
 
 impl Counted {
@@ -49,11 +52,11 @@ impl Counted {
 
     /// Adds a frame; returns what is to be said of it.
     fn add(&mut self, row: &FrameRow) -> Vec<String> {
-        let count = |name: &str| row.counts.get(name).copied().unwrap_or(0);
-        let risen = quality::watch(&mut self.exceeded, row.frame, count);
+        let risen = quality::watch(&mut self.exceeded, row.frame, |name| row.amount(name));
         let limits = risen.iter().map(quality::first_rise);
         let torn = pinned::news(&mut self.told_strain, row);
-        recovery_line(&row.recoveries).into_iter().chain(limits).chain(torn).collect()
+        let overstretched = overstretched::news(&mut self.told_overstretched, row);
+        recovery_line(row).into_iter().chain(limits).chain(torn).chain(overstretched).collect()
     }
 }
 

@@ -22,6 +22,7 @@ use crate::run::observer::Observer;
 use crate::run::options::RunOptions;
 use crate::run_record::manifest::{AttemptRecord, listed_files, listed_layers};
 use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
+use crate::shot::Shot;
 
 /// An earlier run in a folder.
 #[derive(Debug)]
@@ -36,12 +37,39 @@ pub(super) struct Earlier {
 
 impl Earlier {
     /// The run in a folder, if there is one.
-    pub(super) fn read(folder: &Path) -> Option<Self> {
-        let read = |name: &str| input_file::text(&folder.join(name)).ok();
-        let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
-        let fingerprint = read(FINGERPRINT).and_then(|text| serde_json::from_str(&text).ok());
+    ///
+    /// # Errors
+    /// There is a manifest that cannot be read.
+    pub(super) fn read(folder: &Path) -> Result<Option<Self>, IoError> {
+        let path = folder.join(MANIFEST);
+        let text = match input_file::text(&path) {
+            Err(IoError::Missing { .. }) => return Ok(None),
+            // Below a file there can be no folder; making it says so.
+            Err(IoError::Read { source, .. }) if source.kind() == ErrorKind::NotADirectory => return Ok(None),
+            text => text?,
+        };
+        let damaged = |place: String, what: String| {
+            let advice = "it is damaged, and the run cannot be continued without it: restore it, or start anew with \
+                          --overwrite";
+            IoError::data(&path, place, what, advice)
+        };
+        let manifest: Value =
+            serde_json::from_str(&text).map_err(|e| damaged(format!("line {}", e.line()), e.to_string()))?;
+        if !manifest.is_object() {
+            return Err(damaged("line 1".to_owned(), "this is not a manifest".to_owned()));
+        }
+        let fingerprint = input_file::text(&folder.join(FINGERPRINT)).ok();
+        let fingerprint = fingerprint.and_then(|text| serde_json::from_str(&text).ok());
         let attempts = serde_json::from_value(manifest["attempts"].clone()).unwrap_or_default();
-        Some(Self { manifest, fingerprint, attempts })
+        Ok(Some(Self { manifest, fingerprint, attempts }))
+    }
+
+    /// The same, where a run that is there is not to be replaced.
+    ///
+    /// # Errors
+    /// As [`Earlier::read`].
+    pub(super) fn unless_replaced(options: &RunOptions) -> Result<Option<Self>, IoError> {
+        if options.overwrite { Ok(None) } else { Self::read(&options.out) }
     }
 
     /// Last frame that is complete in every cache.
@@ -49,9 +77,9 @@ impl Earlier {
         self.manifest["last_complete_frame"].as_i64()
     }
 
-    /// Whether its caches hold velocities where those of a shot would not, or the other way round.
-    pub(super) fn stores_other_velocities(&self, now: &Fingerprint) -> bool {
-        self.fingerprint.as_ref().is_some_and(|then| then.stores_velocities() != now.stores_velocities())
+    /// Whether its caches hold velocities or faces where those of a shot would not, or the other way round.
+    pub(super) fn has_other_form(&self, now: &Fingerprint) -> bool {
+        self.fingerprint.as_ref().is_some_and(|then| then.form_of_caches() != now.form_of_caches())
     }
 
     /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.
@@ -105,7 +133,7 @@ impl Held {
         let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
         let attempt = Attempt::next(out)?;
         observer.logs(attempt.open()?);
-        notes.into_iter().for_each(|note| observer.note(note));
+        notes.into_iter().for_each(|note| observer.accepted(note));
         if let Some(former) = lock.former() {
             observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
         }
@@ -151,4 +179,14 @@ pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     files.sort();
     files.dedup();
     files
+}
+
+/// An output that is an input of the same shot would be destroyed before it is read.
+pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
+    let real = |path: &PathBuf| fs::canonicalize(path).ok();
+    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
+    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
+        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
+        None => Ok(()),
+    }
 }

@@ -3,12 +3,14 @@
 //! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
 //! stop and for checkpoints that are due; it resumes from a checkpoint with the same bits as if it had never stopped.
 
+use std::collections::BTreeSet;
 use std::time::{Instant, SystemTime};
 
 use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::checkpoint::{FORMAT_VERSION, Head};
+use drapery_io::duration::utc;
 use drapery_io::error::IoError;
 use drapery_io::input_file;
 use serde_json::json;
@@ -24,10 +26,10 @@ use crate::frame_digest::FrameDigests;
 use crate::long_frames::Watch;
 use crate::run::counted::{Counted, SoFar};
 use crate::run::dump::{self, Dump};
-use crate::run::folder::{Earlier, Held, files_of_run};
+use crate::run::folder::{Earlier, Held, files_of_run, refuse_inputs};
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_outputs, refuse_inputs};
+use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs};
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
@@ -36,6 +38,7 @@ use crate::run_record::reader::Record;
 use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
 use crate::towards_frame::{Reached, towards_frame};
+use crate::written_faces::OtherCut;
 
 /// A run in progress.
 struct Run<'a> {
@@ -55,6 +58,8 @@ struct Run<'a> {
     is_new: bool,
     /// Where the cloth after lines of the listings is written, if it is.
     dump: Option<Dump>,
+    /// Objects of which it was said that they cross along other diagonals.
+    reported_cuts: BTreeSet<(String, String, bool)>,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
 }
@@ -77,7 +82,7 @@ impl Shot {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
         }
         let fingerprint = self.fingerprint()?;
-        let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let (mut notes, mut changed) = (Vec::new(), Vec::new());
         if let Some(earlier) = &earlier {
             changed = resume::changes(earlier, &options.out, &fingerprint, &mut |text| notes.push(text));
@@ -124,6 +129,7 @@ impl Shot {
             seconds: 0.0,
             frames: self.delivered_frames(),
             files: planned_files(self, &options.out).into_iter().chain(self.single_layer(&options.out)).collect(),
+            layers: planned_layers(self, &options.out),
             exceeded,
             uncounted,
             ranks: self.remote_simulation.ranks().count(),
@@ -170,7 +176,7 @@ impl<'a> Run<'a> {
         let out = &options.out;
         let Held { owner, lock, attempt, store } = Held::take(options, notes, observer)?;
         // Read again under the lock: another run may have gone on in the meantime.
-        let earlier = Earlier::read(out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let record = earlier.as_ref().map(|_| Record::read(&out.join(RECORD))).transpose()?;
         let note = &mut |text| observer.note(text);
         let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
@@ -182,8 +188,7 @@ impl<'a> Run<'a> {
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
         {
-            let set_aside = stale::attempt(out, attempt.number);
-            let removed = stale::prune(out, &fingerprint)?;
+            let (set_aside, removed) = (stale::attempt(out, attempt.number), stale::prune(out, &fingerprint)?);
             observer.note(format!(
                 "what is simulated again was set aside in {}{}",
                 set_aside.display(),
@@ -191,7 +196,7 @@ impl<'a> Run<'a> {
             ));
         }
         let differs = |earlier: &Earlier| {
-            earlier.stores_other_velocities(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
+            earlier.has_other_form(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
         };
         let other_form = earlier.as_ref().is_some_and(differs);
         let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
@@ -199,6 +204,7 @@ impl<'a> Run<'a> {
             attempt: attempt.number,
             host: owner.host.clone(),
             pid: owner.pid,
+            began: utc(SystemTime::now()),
             threads: options.threads,
             ranks: shot.remote_simulation.ranks().count(),
             first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
@@ -236,6 +242,7 @@ impl<'a> Run<'a> {
             counted,
             is_new,
             dump: None,
+            reported_cuts: BTreeSet::new(),
             saved,
         })
     }
@@ -341,6 +348,7 @@ impl<'a> Run<'a> {
         if !digests.is_empty() {
             line["digests"] = json!(digests);
         }
+        self.tell_other_cuts(frame, &mut line, observer);
         self.output.record(&line)?;
         self.counted.add_line(line, frame).into_iter().for_each(|text| observer.note(text));
         self.output.frame_done(frame, taken)?;
@@ -357,6 +365,21 @@ impl<'a> Run<'a> {
             summary,
         });
         Ok(())
+    }
+
+    /// Notes in the record what crosses in a frame along diagonals that the solver did not take, and says of which objects once.
+    fn tell_other_cuts(&mut self, frame: i64, line: &mut serde_json::Value, observer: &mut dyn Observer) {
+        let cuts = self.output.take_other_cuts();
+        if cuts.is_empty() {
+            return;
+        }
+        line["other_diagonal"] = cuts.iter().map(OtherCut::to_json).collect();
+        for cut in &cuts {
+            let objects = (cut.garment.clone(), cut.other.clone(), cut.is_body);
+            if self.reported_cuts.insert(objects) {
+                observer.note(format!("frame {frame}: {}\n  help: write {}", cut.in_words(), cut.line()));
+            }
+        }
     }
 
     /// At a frame: looks for requests, and writes a checkpoint if one is due. Returns why, if the run is to stop.
@@ -461,6 +484,7 @@ impl<'a> Run<'a> {
             seconds: self.totals.seconds,
             frames,
             files: self.output.files(),
+            layers: self.output.layer_files(),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
             ranks: self.shot.remote_simulation.ranks().count(),

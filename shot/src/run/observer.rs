@@ -54,6 +54,8 @@ pub struct RunReport {
     pub frames: u64,
     /// The caches.
     pub files: Vec<PathBuf>,
+    /// Files over the caches of all garments of a format: what is opened to see the shot.
+    pub layers: Vec<PathBuf>,
     /// Counts that should have stayed zero, in the order in which they rose.
     pub exceeded: Vec<Exceeded>,
     /// Frames whose counts are not known, as ranges: earlier attempts simulated them, and the record does not tell.
@@ -72,6 +74,9 @@ pub trait Observer {
 
     /// Something that whoever looks after the run should know.
     fn note(&mut self, text: String);
+
+    /// What has changed since an earlier attempt and is as it should be.
+    fn accepted(&mut self, _text: String) {}
 
     /// What was dumped.
     fn dumped(&mut self, _text: String) {}

@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::mesh::MeshStream;
@@ -22,7 +21,7 @@ use crate::error::ShotError;
 use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::frame_digest::{FrameDigests, GarmentDigests};
-use crate::quality::CROSSINGS_WRITTEN;
+use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
 use crate::run::folder::{files_of_run, remove, write_fingerprint};
@@ -30,9 +29,10 @@ use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
 use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, listed_layers};
-use crate::run_record::writer::{RunRecord, counts, digests_record, stages};
+use crate::run_record::writer::{RunRecord, counts, digests_record, failure_record, stages};
 use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
+use crate::written_faces::{OtherCut, WrittenFaces};
 
 /// What is being written.
 pub(super) struct Output {
@@ -45,6 +45,10 @@ pub(super) struct Output {
     velocities: bool,
     /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
     crossings: bool,
+    /// Faces that others may cut otherwise, if there are any.
+    faces: Option<WrittenFaces>,
+    /// What crosses if they do, in what was written since somebody asked.
+    other_cuts: Vec<OtherCut>,
     /// Number of garments, which come before the render meshes.
     garments: usize,
     /// Files over all caches of a format.
@@ -112,7 +116,7 @@ impl Output {
         record.line(&shot.header(start.options.threads))?;
         let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
         let writers = of_objects(shot, &planned, create)?;
-        Ok(Self::new(shot, &planned, manifest, record, (folder, writers)))
+        Self::new(shot, &planned, manifest, record, (folder, writers))
     }
 
     /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
@@ -169,7 +173,7 @@ impl Output {
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
-        let output = Self::new(shot, &planned, manifest, record, (folder, writers));
+        let output = Self::new(shot, &planned, manifest, record, (folder, writers))?;
         output.write_layers(from.head.delivered)?;
         Ok(output)
     }
@@ -180,19 +184,40 @@ impl Output {
         manifest: Manifest,
         record: RunRecord,
         (folder, writers): (PathBuf, Vec<Vec<Box<dyn CacheWriter>>>),
-    ) -> Self {
+    ) -> Result<Self, IoError> {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
         let (layers, single) = (layers(shot, planned, &folder), shot.single_layer(&folder));
         let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
         let garments = shot.garments.len();
-        Self { folder, manifest, record, writers, units, velocities, crossings, garments, layers, single, fps }
+        let faces = WrittenFaces::of(&shot.written, &shot.inputs, shot.simulation(), units)?;
+        let other_cuts = Vec::new();
+        Ok(Self {
+            folder,
+            manifest,
+            record,
+            writers,
+            units,
+            velocities,
+            crossings,
+            faces,
+            other_cuts,
+            garments,
+            layers,
+            single,
+            fps,
+        })
     }
 
     /// The cache files, and the one of the whole shot where it is there.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         let caches = self.writers.iter().flatten().map(|writer| writer.path().to_owned());
         caches.chain(self.single.clone().filter(|path| path.is_file())).collect()
+    }
+
+    /// The files over the caches of all garments of a format.
+    pub(super) fn layer_files(&self) -> Vec<PathBuf> {
+        self.layers.iter().map(|layer| layer.path.clone()).filter(|path| path.is_file()).collect()
     }
 
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
@@ -224,12 +249,22 @@ impl Output {
         }
         let written = spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings));
         let mut digests = written?;
+        if let Some(faces) = &mut self.faces {
+            let found = spent.stage("check caches", |_| faces.find(remote_simulation.simulation()));
+            spent.count(CROSSINGS_OTHER_DIAGONAL, found.iter().map(|cut| cut.count as u64).sum());
+            self.other_cuts.extend(found);
+        }
         if !render_meshes.is_empty() {
             let written =
                 spent.stage("render meshes", |_| self.write_render_meshes(sample, remote_simulation, render_meshes));
             digests.extend(written?);
         }
         Ok(digests)
+    }
+
+    /// What crosses along diagonals that the solver did not take, in what was written since this was asked last.
+    pub(super) fn take_other_cuts(&mut self) -> Vec<OtherCut> {
+        std::mem::take(&mut self.other_cuts)
     }
 
     /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
@@ -249,6 +284,7 @@ impl Output {
 
     /// Brings the caches to the disk; returns what they are then, and the length of the record.
     pub(super) fn mark(&mut self) -> Result<(Vec<CacheMark>, u64), IoError> {
+        self.record.check()?;
         for writer in self.writers.iter_mut().flatten() {
             writer.sync()?;
         }
@@ -286,6 +322,7 @@ impl Output {
                 Vec::new()
             };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
+            self.faces.iter_mut().for_each(|faces| faces.place(garment, positions));
             for writer in writers {
                 writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &[], crossings })?;
             }
@@ -367,6 +404,8 @@ impl Output {
 
     /// Brings everything to the disk and says that the run is complete.
     pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        // They are small: one that another program has removed is put back.
+        self.write_layers(self.manifest.last_complete_frame)?;
         self.write_single()?;
         let end = json!({
             "record": "end",
@@ -388,14 +427,20 @@ impl Output {
     /// Says that the run ended early, and why. The caches keep the frames before.
     pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
         self.manifest.error = Some(error.to_string());
-        let end = json!({"record": "end", "state": "failed", "error": error.to_string()});
-        self.end("failed", "failed", &end)
+        // One of them may be what failed; the others are brought to the disk all the same.
+        self.writers.iter_mut().flatten().for_each(|writer| _ = writer.finish());
+        self.close("failed", "failed", &failure_record(&error.to_string()))
     }
 
     fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         for writer in self.writers.iter_mut().flatten() {
             writer.finish()?;
         }
+        self.record.check()?;
+        self.close(state, how, record)
+    }
+
+    fn close(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         self.record.line(record)?;
         self.manifest.state = state.into();
         if let Some(attempt) = self.manifest.attempts.last_mut() {
@@ -449,6 +494,11 @@ pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).collect()
 }
 
+/// The files over the caches of all garments of a format that a shot writes into a folder.
+pub(super) fn planned_layers(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    layers(shot, &planned(shot, folder), folder).into_iter().map(|layer| layer.path).collect()
+}
+
 /// The caches that a shot writes into a folder.
 pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     paths(&planned(shot, folder))
@@ -488,22 +538,12 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
 }
 
-/// An output that is an input of the same shot would be destroyed before it is read.
-pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
-    let real = |path: &PathBuf| fs::canonicalize(path).ok();
-    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
-    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
-        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
-        None => Ok(()),
-    }
-}
-
 fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
     let about = &shot.about;
     let render_mesh = object.checked_sub(shot.garments.len()).map(|index| &shot.render_meshes[index]);
     CachePlan {
         garment: render_mesh.map_or_else(|| &about.garments[object], |mesh| &mesh.name),
-        mesh: render_mesh.map_or_else(|| &shot.garments[object], |mesh| &mesh.mesh),
+        mesh: render_mesh.map_or_else(|| &shot.written[object], |mesh| &mesh.mesh),
         units: about.output.units,
         origin: shot.origin(),
         timeline: about.timeline,
@@ -527,6 +567,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
             name: name.to_owned(),
             object_path: plan.object_path(),
             points: plan.mesh.point_count(),
+            material: about.materials.get(index).cloned().flatten(),
             render_mesh_of,
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }

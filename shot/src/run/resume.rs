@@ -58,7 +58,7 @@ pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Ea
     earlier.has_all(&options.out, shot.about.last_frame)
         && has_form()
         && has_single()
-        && !earlier.stores_other_velocities(now)
+        && !earlier.has_other_form(now)
         && is_whole()
 }
 
@@ -125,7 +125,8 @@ pub(super) fn decide(
 /// folder, that knows the values of the scene too.
 fn same_shot(found: Loaded, now: &Fingerprint, folder: &Path) -> Result<Loaded, ShotError> {
     let digests = &found.checkpoint.head.digests;
-    let of_run = Earlier::read(folder).and_then(|earlier| earlier.fingerprint).filter(|run| run.digests == *digests);
+    let run = Earlier::read(folder)?.and_then(|earlier| earlier.fingerprint);
+    let of_run = run.filter(|run| run.digests == *digests);
     let then = of_run.unwrap_or_else(|| Fingerprint { digests: digests.clone(), ..Fingerprint::default() });
     let changes = digest::compare(&then, now).forbidden;
     if changes.is_empty() { Ok(found) } else { Err(ShotError::Changed { folder: folder.to_owned(), changes }) }
@@ -150,7 +151,7 @@ pub(super) fn restored(
 ) -> Result<RemoteSimulation, ShotError> {
     remote_simulation.restored(input, checkpoint).map_err(|error| match error {
         RestoreError::Problems(problems) => ShotError::Problems(problems),
-        RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", path.display())),
+        RestoreError::Snapshot(error) => ShotError::OtherState { path: path.to_owned(), what: error.to_string() },
     })
 }
 

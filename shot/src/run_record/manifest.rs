@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use drapery_io::atomic_file;
 use drapery_io::convert::SINGLE_LAYER;
@@ -82,6 +83,8 @@ pub struct AttemptRecord {
     pub host: String,
     /// Process.
     pub pid: u32,
+    /// When it began, as in `2026-05-04 09:30:00 UTC`; empty in the records of older programs.
+    pub began: String,
     /// Number of threads of each rank.
     pub threads: usize,
     /// Number of ranks; 0 in the records of older programs, which had one.
@@ -110,6 +113,9 @@ pub struct ManifestGarment {
     pub object_path: String,
     /// Number of points.
     pub points: usize,
+    /// Its material, if the scene names one; of a render mesh none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// The garment that it is the render mesh of, if it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub render_mesh_of: Option<String>,
@@ -123,8 +129,24 @@ impl Manifest {
     /// # Errors
     /// The disk refuses.
     pub fn write(&self, folder: &Path) -> Result<(), IoError> {
+        Pen::take().write(self, folder)
+    }
+}
+
+/// The right to write manifests: of the threads of a process, the one that has it.
+#[derive(Debug)]
+pub struct Pen(#[expect(dead_code, reason = "held, not looked at")] MutexGuard<'static, ()>);
+
+impl Pen {
+    /// Waits until no other thread has it.
+    pub(crate) fn take() -> Self {
+        static ONLY: Mutex<()> = Mutex::new(());
+        Self(ONLY.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    pub(crate) fn write(&self, manifest: &Manifest, folder: &Path) -> Result<(), IoError> {
         // A struct of texts and numbers always has a JSON form.
-        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        let text = serde_json::to_string_pretty(manifest).unwrap_or_default() + "\n";
         atomic_file::replace(&folder.join(MANIFEST), text.as_bytes())
     }
 }

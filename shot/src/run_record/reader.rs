@@ -14,6 +14,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use crate::frame_digest::FrameDigests;
+use crate::quality::{RETRIES, is_limit};
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -78,6 +79,8 @@ pub struct FrameRow {
     pub strains: Vec<GarmentStrainsRow>,
     /// Most stretched edge between two pinned vertices, if any are neighbours.
     pub strain_between_pins: Option<StrainRow>,
+    /// Cloth that is longer than cloth can be, if there is some.
+    pub overstretched: Option<OverstretchedRow>,
     /// Energy of motion [J].
     pub kinetic_energy: Option<f64>,
     /// Elastic energy and that of gravity [J].
@@ -107,6 +110,21 @@ pub struct StrainRow {
     pub vertices: Vec<u64>,
     /// Extension by rest length.
     pub strain: f64,
+}
+
+/// Cloth of a frame that is more than twice as long as at rest.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct OverstretchedRow {
+    /// The most stretched edge.
+    #[serde(flatten)]
+    pub most: StrainRow,
+    /// Edges that are more than twice as long.
+    pub edges: u64,
+    /// Vertices that bodies pinch.
+    pub pinched: u64,
+    /// Bodies that cross themselves.
+    pub bodies: Vec<String>,
 }
 
 /// How far a garment's edges are stretched at the end of a frame.
@@ -174,6 +192,14 @@ pub enum EventKind {
         /// Number of the attempt, from 1.
         attempt: u64,
     },
+}
+
+impl FrameRow {
+    /// A count of the frame. Events of steps that went wrong are counted where their count is missing.
+    pub fn amount(&self, name: &str) -> u64 {
+        let events = self.recoveries.iter().filter(|event| event["rung"] == name).count() as u64;
+        self.counts.get(name).copied().unwrap_or(0).max(events)
+    }
 }
 
 impl Record {
@@ -311,21 +337,28 @@ pub fn median(values: &[f64]) -> Option<f64> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// What is said of a frame in which steps went wrong, from the `recoveries` of its line; nothing where there are none.
-pub(crate) fn recovery_line(recoveries: &[Value]) -> Option<String> {
-    let first = recoveries.first()?;
+/// What is said of a frame in which steps went wrong; nothing where none did. Whether a mark of it is left in the result is said, too.
+pub(crate) fn recovery_line(row: &FrameRow) -> Option<String> {
+    let first = row.recoveries.first()?;
     let word = |key: &str| first[key].as_str().unwrap_or_default();
     let vertices: Vec<u64> = first["vertices"].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
     let place = match word("garment") {
         "" => String::new(),
         garment => format!(", garment \"{garment}\", vertices {vertices:?}"),
     };
-    let more = match recoveries.len() - 1 {
+    // The first of a frame are kept, and all are counted.
+    let counted = RETRIES.iter().fold(0_u64, |sum, (name, _)| sum.saturating_add(row.amount(name)));
+    let more = match counted.max(row.recoveries.len() as u64) - 1 {
         0 => String::new(),
-        also => format!(", and {also} more in this frame"),
+        also => format!(", and {also} more such in this frame"),
     };
+    let level = word("rung");
+    let done = RETRIES.iter().find(|(name, _)| *name == level).map_or(level, |(_, words)| *words);
+    let is_marked = RETRIES.iter().any(|(name, _)| is_limit(name) && row.amount(name) > 0);
+    let end = if is_marked { "" } else { "; in the end every step succeeded" };
     let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
-    Some(format!("frame {frame}, time {time:.6} s{place}: {}; {}{more}", word("trouble"), word("rung")))
+    let trouble = word("trouble");
+    Some(format!("frame {frame}, time {time:.6} s{place}: a step went wrong ({trouble}) and was {done}{more}{end}"))
 }
 
 /// A count of every frame in a record; frames that a resumed run came to again count the last time.

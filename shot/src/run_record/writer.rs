@@ -8,6 +8,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::{BrokenAttachment, FrameSummary, GarmentStrains, Recovery, StrainRecord};
 use drapery_io::error::IoError;
 use drapery_io::memory::resident_bytes;
+use drapery_io::written_file;
 use serde_json::{Value, json};
 
 use super::RECORD;
@@ -24,6 +25,8 @@ const SAMPLE: &str = "sample";
 pub(crate) struct RunRecord {
     path: PathBuf,
     file: File,
+    /// What was written or found [bytes].
+    written: u64,
 }
 
 impl RunRecord {
@@ -34,7 +37,7 @@ impl RunRecord {
     pub(crate) fn create(folder: &Path) -> Result<Self, IoError> {
         let path = folder.join(RECORD);
         let file = File::create(&path).map_err(|e| IoError::creating(&path, e))?;
-        Ok(Self { path, file })
+        Ok(Self { path, file, written: 0 })
     }
 
     /// Goes on with the record in `folder` after `frame`. If its length then is known [bytes], what comes after that is cut
@@ -46,7 +49,7 @@ impl RunRecord {
         let path = folder.join(RECORD);
         let options = &mut OpenOptions::new();
         let file = options.read(true).append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
-        let mut record = Self { path, file };
+        let mut record = Self { path, file, written: 0 };
         let present = record.length()?;
         let cut = length.filter(|length| *length < present);
         // A record that somebody has changed has another length there: it stays, and `resume` voids what comes after.
@@ -56,6 +59,7 @@ impl RunRecord {
             events.iter().try_for_each(|event| record.line(event))?;
         }
         record.end_half_line()?;
+        record.written = record.length()?;
         Ok(record)
     }
 
@@ -101,8 +105,35 @@ impl RunRecord {
     /// The disk refuses.
     pub(crate) fn line(&mut self, value: &Value) -> Result<(), IoError> {
         let line = format!("{value}\n");
-        self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))
+        self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))?;
+        self.written += line.len() as u64;
+        Ok(())
     }
+
+    /// Makes sure that the file is still there with all that was written.
+    ///
+    /// # Errors
+    /// Another program has removed, replaced or cut it.
+    pub(crate) fn check(&self) -> Result<(), IoError> {
+        written_file::check(&self.path, &self.file, self.written)
+    }
+}
+
+/// How a run ends that fails.
+pub(crate) fn failure_record(error: &str) -> Value {
+    json!({"record": "end", "state": "failed", "error": error})
+}
+
+/// Appends to the record in `folder` that the run failed, while another thread may have it open and will write no more.
+///
+/// # Errors
+/// The record is not there, or the disk refuses.
+pub(crate) fn record_failure(folder: &Path, error: &str) -> Result<(), IoError> {
+    let path = folder.join(RECORD);
+    let file = OpenOptions::new().read(true).append(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
+    let mut record = RunRecord { path, file, written: 0 };
+    record.end_half_line()?;
+    record.line(&failure_record(error))
 }
 
 /// The frame at which the simulation starts: nothing is simulated, `counts` holds what its writing counted.
@@ -138,6 +169,12 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
     });
     if let Some(between_pins) = &summary.between_pins {
         record["strain_between_pins"] = strain(between_pins);
+    }
+    if let Some(over) = &summary.overstretched {
+        record["overstretched"] = strain(&over.most);
+        record["overstretched"]["edges"] = over.edges.into();
+        record["overstretched"]["pinched"] = over.pinched.into();
+        record["overstretched"]["bodies"] = json!(over.bodies);
     }
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();

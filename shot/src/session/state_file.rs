@@ -6,7 +6,7 @@ use std::path::Path;
 use drapery_core::Vec3;
 use drapery_core::scene::BodyShape;
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource, ValueKind, Values};
-use drapery_io::atomic_file::unfinished;
+use drapery_io::atomic_file::{check_name, put, unfinished};
 use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::{CheckpointReader, CheckpointWriter, FORMAT_VERSION, Head, damaged};
 use drapery_io::error::IoError;
@@ -23,11 +23,12 @@ impl Session {
     /// on any number of threads. The file appears as a whole or not at all.
     ///
     /// # Errors
-    /// The file cannot be written; an input of the shot can no longer be read; as [`Session::shot`].
+    /// The file cannot be written, or a folder, a pipe, a socket or a device has its name; an input of the shot can no longer be read; as [`Session::shot`].
     pub fn save_file(&self, path: &Path) -> Result<(), ShotError> {
         if path.to_str().is_none() {
             return Err(IoError::OutputNotUtf8 { path: path.to_owned() }.into());
         }
+        check_name(path)?;
         let (shot, part) = (self.shot()?, unfinished(path));
         let (simulation, timeline) = (shot.simulation(), shot.timeline());
         let head = Head {
@@ -49,7 +50,7 @@ impl Session {
             writer.finish()
         };
         let written = CheckpointWriter::create(&part, &head).and_then(write);
-        let written = written.and_then(|_| fs::rename(&part, path).map_err(|e| IoError::writing(path, e)));
+        let written = written.and_then(|_| put(&part, path));
         if written.is_err() {
             // What is left of it would only confuse; if it cannot be removed either, the first error says why.
             let _ = fs::remove_file(&part);

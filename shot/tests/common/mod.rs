@@ -34,9 +34,11 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
             sub_frames: Vec::new(),
             preroll: false,
             usd_single: false,
+            triangles: false,
         },
         resolved: String::new(),
         warnings: Vec::new(),
         check: CheckDescription::default(),
+        body_thickness: Vec::new(),
     }
 }

@@ -1,5 +1,6 @@
 //! `drapery selftest`: what this build has to withstand.
 
+mod bits;
 mod drape;
 mod hard;
 
@@ -9,10 +10,11 @@ use crate::failure::Failure;
 
 /// Runs the tests that are asked for.
 pub(crate) fn selftest(args: &SelftestArgs) -> Result<ExitCode, Failure> {
-    match (args.hard, &args.drape) {
-        (Some(tier), _) => hard::run(args, tier),
-        (None, Some(materials)) => drape::run(materials, args.json),
+    match (args.hard, &args.drape, &args.bits) {
+        (Some(tier), ..) => hard::run(args, tier),
+        (None, Some(materials), _) => drape::run(materials, args.json),
+        (None, None, Some(scene)) => bits::run(args, scene),
         // The arguments ask for one of the suites.
-        (None, None) => Ok(ExitCode::Usage),
+        (None, None, None) => Ok(ExitCode::Usage),
     }
 }

@@ -341,14 +341,13 @@ impl ActiveSet {
         found.is_ok_and(|at| self.contacts[at].mode != ContactMode::Free)
     }
 
-    /// Adds contacts of vertices that do not go with a body yet.
+    /// Adds contacts of vertices that do not go with a body yet, and drops those that are free: on every rank, also where nothing is
+    /// met, since parts with a contact are solved again.
     pub(crate) fn add(&mut self, parts: &Parts, met: Vec<ActiveContact>) {
         let mut all: Vec<ActiveContact> = met.into_iter().filter(|contact| !self.holds(contact.vertex)).collect();
-        if !all.is_empty() {
-            all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
-            all.sort_by_key(|contact| contact.vertex);
-            self.set(parts, all);
-        }
+        all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
+        all.sort_by_key(|contact| contact.vertex);
+        self.set(parts, all);
     }
 
     /// Puts what friction has turned round in the step to rest on its body.
@@ -359,6 +358,29 @@ impl ActiveSet {
                 let back = (*value - body).dot(&against);
                 *value -= against * back.max(0.0);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block_matrix::testing::Sheet;
+    use crate::parallel::ranks::Ranks;
+
+    #[test]
+    fn free_contacts_are_dropped_also_where_nothing_is_met() {
+        let parts = Sheet::new(3, 1.0, 1).parts(&Ranks::default());
+        let contact = |vertex| ActiveContact::new(vertex, [Vec3::zeros(); 2], 0.3, Vec3::zeros(), 1e-3);
+        let free = |vertex| ActiveContact { mode: ContactMode::Free, ..contact(vertex) };
+        let vertices = |set: &ActiveSet| set.contacts().iter().map(|contact| contact.vertex).collect::<Vec<_>>();
+        for (met, expected) in
+            [(vec![], vec![2]), (vec![contact(1), contact(2)], vec![1, 2]), (vec![contact(4)], vec![2, 4])]
+        {
+            let mut set = ActiveSet::default();
+            set.set(&parts, vec![free(1), contact(2)]);
+            set.add(&parts, met);
+            assert_eq!(vertices(&set), expected);
         }
     }
 }

@@ -91,6 +91,8 @@ pub struct BodyCollision {
     /// Local number of the first own vertex.
     first: usize,
     search: f64,
+    /// Own vertices that were pinched in the last step.
+    pinched: u64,
 }
 
 /// The step as body collision sees it, over own vertices.
@@ -132,6 +134,7 @@ impl BodyCollision {
             painted: scene.painted_everywhere("friction").map_or_else(Vec::new, |all| all[own.clone()].to_vec()),
             first: own.start,
             search: SEARCH_EDGES * scene.mean_edge(),
+            pinched: 0,
         }
     }
 
@@ -156,6 +159,11 @@ impl BodyCollision {
             let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
             memory.clearance = (memory.clearance - displacement).max(least);
         }
+    }
+
+    /// Own vertices that bodies pinched in the last step.
+    pub(crate) fn pinched(&self) -> u64 {
+        self.pinched
     }
 
     /// Whether there are deforming bodies to remember something of.
@@ -221,6 +229,7 @@ impl BodyCollision {
             let memory = self.memory.par_chunks_mut(CHUNK * surfaces);
             chunks.zip(memory).map(|(chunk, memory)| work(chunk, memory)).reduce(Counts::default, Counts::plus)
         };
+        self.pinched = counts.pinched;
         metrics.count("body_contacts", counts.contacts);
         metrics.count("body_squeezed", counts.squeezed);
         metrics.count("body_pinched", counts.pinched);

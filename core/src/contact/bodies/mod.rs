@@ -240,10 +240,9 @@ impl Bodies {
         }
     }
 
-    /// Pairs of triangles of all bodies that cross each other at their latest samples.
-    pub fn self_crossings(&self) -> usize {
-        let crossings = |body: &Body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 };
-        self.list.iter().map(crossings).sum()
+    /// Pairs of triangles that cross each other at the latest samples, of each body.
+    pub fn self_crossings(&self) -> impl Iterator<Item = usize> + '_ {
+        self.list.iter().map(|body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 })
     }
 
     /// Number of bodies that are inside out at the end of the step.

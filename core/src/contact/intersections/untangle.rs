@@ -25,6 +25,11 @@ const PUSH_RATE: f64 = 10.0;
 /// The same for cloth that crosses a body: it was pinched, and has to be out soon after the body lets go [1/s].
 const RELEASE_RATE: f64 = 60.0;
 
+/// Largest change of the velocity of a node, over that of the relative velocity that is asked for: where pins hold the nodes that
+/// matter, those that are left have next to no weight and would be thrown, so nothing is pushed there. Nodes that are all free, with
+/// masses of one mesh, change by at most twice as much.
+const MOST_LEVERAGE: f64 = 10.0;
+
 /// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity`
 /// of the bodies' nodes [m/s], velocities `v` of own vertices in the order of the scene [m/s].
 ///
@@ -227,6 +232,12 @@ impl Push {
         if speed >= wanted || response <= 0.0 {
             return;
         }
+        // By the impulse that gives the whole change.
+        let leverage =
+            |(number, w): (&u32, f64)| (known.points[number].mobility.component_mul(&self.direction) * w).norm();
+        if nodes.clone().map(leverage).fold(0.0, f64::max) > MOST_LEVERAGE * response {
+            return;
+        }
         let impulse = self.direction * ((wanted - speed) / response);
         for (number, w) in nodes {
             if let Some(point) = known.points.get_mut(number) {
@@ -259,6 +270,24 @@ mod tests {
         let mut v: Vec<Vec3> = surface.nodes().own().map(|node| x[node] * 0.1).collect();
         push_apart(&surface, &crossings, &x, |node| x[node as usize] * 0.2, &mut v);
         (v.iter().map(|v| [v.x, v.y, v.z].map(f64::to_bits)).collect(), crossings.len())
+    }
+
+    #[test]
+    fn what_pins_leave_with_hardly_any_weight_is_not_thrown() {
+        let wanted = 0.1;
+        for weight in [1.0, 0.3, 1e-3, 1e-9, 1e-17] {
+            // One node is free.
+            let mobility = |number: u32| if number == 0 { Vec3::repeat(1e4) } else { Vec3::zeros() };
+            let point =
+                |number: u32| (number, Point { x: Vec3::zeros(), v: Vec3::zeros(), mobility: mobility(number) });
+            let mut known = Known { points: (0..5).map(point).collect(), edges: BTreeMap::new() };
+            let weights = [weight, 1.0 - weight, -0.2, -0.3, -0.5];
+            Push { nodes: [0, 1, 2, 3, 4], weights, direction: Vec3::x() }.apply(&mut known, wanted);
+            // The whole change where the lever allows it, none elsewhere: with a part of it each step would throw the node on.
+            let expected = if weight * MOST_LEVERAGE >= 1.0 { Vec3::x() * (wanted / weight) } else { Vec3::zeros() };
+            let found = known.points[&0].v;
+            assert!((found - expected).norm() < 1e-12, "weight {weight}: {found:?} for {expected:?}");
+        }
     }
 
     #[test]

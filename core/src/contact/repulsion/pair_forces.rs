@@ -69,6 +69,8 @@ pub(crate) struct PairForce {
     pub stiffness: f64,
     /// Minus those by the relative velocity, along the normal and across it [N s/m].
     pub damping: [f64; 2],
+    /// Change of the velocity along its normal in the solve about this evaluation, over its thickness [1/s]; nothing before.
+    pub last_change: f64,
 }
 
 /// What a pair in touch remembers within a step, from one evaluation to the next.
@@ -97,17 +99,15 @@ impl PairHistory {
 }
 
 /// After a solve of which these are the products of the pairs with its solution, in a system that weighs damping of pairs by
-/// `share alpha`: notes what each bears at the velocities that the solve has found. Returns the largest change of a pair's velocity
-/// along its normal, over its thickness [1/s].
-pub(crate) fn note_solution(pairs: &mut [PairForce], products: &[Simd4], [share, alpha]: [f64; 2]) -> f64 {
-    let mut largest = 0.0_f64;
+/// `share alpha`: notes what each bears at the velocities that the solve has found, and by how much its velocity along the normal
+/// has changed.
+pub(crate) fn note_solution(pairs: &mut [PairForce], products: &[Simd4], [share, alpha]: [f64; 2]) {
     for (pair, product) in pairs.iter_mut().zip(products) {
         let taken = Vec3::from(*product).dot(&pair.normal) / (share * alpha);
         pair.push -= taken;
         let change = taken / (pair.damping[0] + alpha * pair.stiffness);
-        largest = largest.max(change.abs() / pair.thickness);
+        pair.last_change = change.abs() / pair.thickness;
     }
-    largest
 }
 
 /// The forces of all pairs in touch, by kind and nodes. `before` are those of the evaluation before in this step; none if it is the first.
@@ -186,6 +186,7 @@ impl OrientedPair {
             history,
             stiffness,
             damping: [normal_damping, tangential_damping],
+            last_change: 0.0,
         })
     }
 }

@@ -23,11 +23,12 @@ impl SelfContact {
         self.geometric.as_ref().map_or(&[], |g| &g.crossings)
     }
 
-    /// Finds the crossings that the state has now: around the nodes in `moved` (own ones) if there were none before, else all.
+    /// Finds the crossings that the state has now: around the nodes in `moved` (own ones), if these are given and there were none
+    /// before, else all.
     /// More of cloth with cloth than before are not accepted: what makes them stays where it was.
     pub(super) fn check(
         &mut self,
-        moved: &[u32],
+        moved: Option<&[u32]>,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         bodies: &Bodies,
         duration: f64,
@@ -38,7 +39,7 @@ impl SelfContact {
         metrics.count_once(nodes.ranks(), "crossing_checks", 1);
         let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
         let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
-        let only = before.is_empty().then(|| marks(nodes, moved));
+        let only = moved.filter(|_| before.is_empty()).map(|moved| marks(nodes, moved));
         let mut stopped = vec![0; nodes.count()];
         let mut round = 0;
         let found = loop {

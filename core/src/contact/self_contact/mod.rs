@@ -294,14 +294,14 @@ impl SelfContact {
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
-    /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step. The vertices that
-    /// were moved go to `moved`, each with how far [m].
+    /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step, with `checks_all` the
+    /// exact check looks at all cloth. The vertices that were moved go to `moved`, each with how far [m].
     pub fn end_collision_step(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         bodies: &Bodies,
         duration: f64,
-        may_rewind: bool,
+        [may_rewind, checks_all]: [bool; 2],
         metrics: &mut Metrics,
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
@@ -345,8 +345,9 @@ impl SelfContact {
             moved(vertex, change.norm());
         }
         let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
-        if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
-            self.check(&outcome.moved, (x, v), bodies, duration, metrics);
+        if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings || checks_all) {
+            let moved = (!checks_all).then_some(&outcome.moved[..]);
+            self.check(moved, (x, v), bodies, duration, metrics);
         }
         let cloth = self.surface.nodes().global_cloth_count();
         self.frozen.clear();

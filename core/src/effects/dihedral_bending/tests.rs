@@ -318,8 +318,8 @@ fn folds_yield_harden_and_end_as_is_painted_on_them() {
     let cases = [
         // A yield angle of 1 cm by the radius; none where the radius is nothing.
         (("yield_radius", [0.02, 0.04, 0.0]), [Some([0.3, 0.575]), Some([0.55, 0.25 + 0.25 * 0.55]), None]),
-        (("hardening", [0.0, 0.5, 1.0]), [Some([0.3, 0.5]), Some([0.3, 0.65]), Some([0.3, 0.8])]),
-        (("largest_angle", [0.1, 0.2, 2.0]), [Some([0.1, 0.575]), Some([0.2, 0.575]), Some([0.3, 0.575])]),
+        (("hardening", [0.0, 0.25, 0.5]), [Some([0.3, 0.5]), Some([0.3, 0.575]), Some([0.3, 0.65])]),
+        (("largest_angle", [0.1, 0.2, 1.7]), [Some([0.1, 0.575]), Some([0.2, 0.575]), Some([0.3, 0.575])]),
     ];
     for (map, expected) in cases {
         for (found, expected) in after(&[map]).into_iter().zip(expected) {

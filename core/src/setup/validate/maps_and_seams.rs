@@ -2,8 +2,14 @@
 
 use super::{check_values, report};
 use crate::effects::registry::maps;
+use crate::effects::spec::{EffectSpec, MapSpec};
 use crate::error::Problem;
-use crate::scene::{GarmentDescription, Mass, SceneDescription};
+use crate::scene::vertex_maps::PaintedMap;
+use crate::scene::{
+    BodyDescription, Described, GarmentDescription, LARGEST_DENSITY, LARGEST_THICKNESS, Mass, PinDescription,
+    SMALLEST_DENSITY, SceneDescription,
+};
+use crate::settings::{Field, Settings, Written, short};
 
 /// Names and values of painted maps.
 pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
@@ -59,6 +65,93 @@ pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut
                 problems.push(Problem::scene(place, "there is nothing that it would vary", advice));
             }
         }
+        for (map, looker) in maps() {
+            let Some(painted) = garment.maps.get(map.name) else { continue };
+            let place = format!("garment \"{}\", map of {}", garment.name, map.name);
+            for varied in Varied::all(description, g, (map, looker)) {
+                varied.check(painted, &place, problems);
+            }
+        }
+    }
+}
+
+/// A number of a scene that a map varies from vertex to vertex.
+struct Varied {
+    /// Its key.
+    name: &'static str,
+    /// What the whole garment has.
+    of_garment: f64,
+    /// Smallest and largest that a scene may write there; zero as the smallest where zero switches off.
+    range: (f64, f64),
+    /// In what it counts.
+    unit: &'static str,
+}
+
+impl Varied {
+    /// What a map of a garment varies, as far as the scene says it.
+    fn all(description: &SceneDescription, g: usize, (map, looker): (&MapSpec, Option<&EffectSpec>)) -> Vec<Self> {
+        let garment = &description.garments[g];
+        let Some(looker) = looker.filter(|_| !map.rows.is_empty()) else {
+            return Self::of_garment(garment, map.name).into_iter().collect();
+        };
+        let of_pins = description.pins.iter().filter(|pin| pin.garment == g);
+        let of_effect = description.effects.iter().filter(|e| e.effect == looker.name);
+        let of_effect = of_effect.filter(|e| e.garment.is_none_or(|garment| garment == g));
+        let tables: Vec<(&'static [Field], Written)> = match looker.name {
+            "attachments" => of_pins.map(|pin| (PinDescription::FIELDS, pin.written())).collect(),
+            "body_collision" => {
+                description.bodies.iter().map(|body| (BodyDescription::FIELDS, body.written())).collect()
+            }
+            _ => of_effect.map(|e| (looker.fields, e.settings.clone())).collect(),
+        };
+        let of_table = |(fields, written): (&'static [Field], Written)| {
+            // What is wrong with the settings themselves is reported elsewhere.
+            let settings = Settings::check(fields, &written).ok();
+            let varied = |field: &Field| {
+                let of_garment = settings.as_ref()?.optional(field.name)?;
+                let Field { name, range: (_, most), dimension, .. } = *field;
+                Some(Self { name, of_garment, range: (0.0, most), unit: dimension.si_unit() })
+            };
+            fields.iter().filter(|field| map.rows.contains(&field.name)).filter_map(varied).collect::<Vec<_>>()
+        };
+        tables.into_iter().flat_map(of_table).collect()
+    }
+
+    /// What the garment itself has.
+    fn of_garment(garment: &GarmentDescription, map: &str) -> Option<Self> {
+        match (map, garment.mass) {
+            ("density", Mass::Density(of_garment)) => {
+                let range = (SMALLEST_DENSITY, LARGEST_DENSITY);
+                Some(Self { name: "density", of_garment, range, unit: "kg/m²" })
+            }
+            ("thickness", _) => {
+                let range = (0.0, LARGEST_THICKNESS);
+                Some(Self { name: "thickness", of_garment: garment.thickness, range, unit: "m" })
+            }
+            _ => None,
+        }
+    }
+
+    /// Refuses vertices at which the map makes a number that no scene may write.
+    fn check(&self, painted: &PaintedMap, place: &str, problems: &mut Vec<Problem>) {
+        let Self { name, of_garment, range: (least, most), unit } = *self;
+        // Zero switches off, and values that are no numbers above zero are refused by `check_maps`.
+        let counts = |value: f64| value > 0.0 && value.is_finite();
+        let misfit = |v: &usize| counts(painted.values[*v]) && !(least..=most).contains(&painted.at(*v, of_garment));
+        let misfits = (0..painted.values.len()).filter(misfit);
+        let Some(first) = misfits.clone().next() else { return };
+        let with_unit = |number: f64| format!("{} {unit}", short(number)).trim_end().to_owned();
+        let made = with_unit(painted.at(first, of_garment));
+        let how = match painted.absolute {
+            true => String::new(),
+            false => format!(" in the place of {}", short(of_garment)),
+        };
+        report(misfits, problems, |list| {
+            let (least, most) = (short(least), with_unit(most));
+            let what =
+                format!("the values of vertices {list} make a `{name}` of {made}{how}; it can be {least} to {most}");
+            Problem::data(place, what, "paint these vertices anew")
+        });
     }
 }
 
@@ -85,5 +178,79 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
             refuse("it has no pairs".into(), "say which vertices it sews");
         }
         check_values(&format!("seam {s}"), seam, problems);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vec3;
+    use crate::mesh::PolygonMesh;
+    use crate::scene::EffectRequest;
+
+    /// What is wrong with these values of a map.
+    fn problems(of: &str, values: [f64; 3], absolute: bool) -> String {
+        let mut description = SceneDescription::new("maps");
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
+        description.garments.push(GarmentDescription::new("flag", mesh, 0.2));
+        description.garments[0].maps.insert(of.into(), PaintedMap { values: values.into(), absolute });
+        description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 300.0));
+        description.effects.push(EffectRequest::of_scene("self_repulsion").with("friction", 0.25));
+        description.effects.push(EffectRequest::of_scene("wind").with("density", 1.0));
+        let mut problems = Vec::new();
+        check_maps(&description.garments[0], &mut problems);
+        check_maps_are_used(&description, &mut problems);
+        problems.iter().map(|problem| format!("{}: {}", problem.place, problem.what)).collect::<Vec<_>>().join("; ")
+    }
+
+    #[test]
+    fn a_map_makes_no_number_that_a_scene_could_not_write() {
+        for (of, values, absolute, words) in [
+            (
+                "stretch",
+                [1.0, 1e308, 1e7],
+                false,
+                "garment \"flag\", map of stretch: the values of vertices 1, 2 make a `stiffness` of inf N/m in the place \
+                 of 300; it can be 0 to 1e8 N/m",
+            ),
+            ("stretch", [1e9, 1.0, 1.0], true, "vertices 0 make a `stiffness` of 1e9 N/m; it can be 0 to 1e8"),
+            ("stretch_damping", [1.0, 1.0, 2e3], false, "vertices 2 make a `damping_ratio` of 2000"),
+            ("self_friction", [1.0, 401.0, 1.0], false, "vertices 1 make a `friction` of 100.25"),
+            ("density", [1.0, 1e7, 1e-9], false, "vertices 1, 2 make a `density` of 2e6 kg/m² in the place of 0.2"),
+            ("thickness", [1e4, 1.0, 1.0], true, "vertices 0 make a `thickness` of 10000 m; it can be 0 to 1000 m"),
+        ] {
+            let text = problems(of, values, absolute);
+            assert!(text.contains(words), "{words}\n{text}");
+        }
+        for (of, values, absolute) in [
+            ("stretch", [0.0, 1.0, 3e5], false),
+            ("stretch", [0.0, 1.0, 1e8], true),
+            ("density", [1e-3, 1.0, 100.0], false),
+            ("thickness", [0.0, 1.0, 2.0], false),
+        ] {
+            assert_eq!(problems(of, values, absolute), "", "{of}");
+        }
+        // Each value that is no number is reported once.
+        let text = problems("stretch", [-1.0, f64::NAN, f64::INFINITY], false);
+        assert_eq!(
+            text,
+            "garment \"flag\", map of stretch: the values of vertices 0, 1, 2 are not numbers zero or more"
+        );
+    }
+
+    #[test]
+    fn the_rows_that_maps_vary_exist() {
+        for (map, looker) in maps() {
+            let Some(looker) = looker else { continue };
+            let fields = match looker.name {
+                "attachments" => PinDescription::FIELDS,
+                "body_collision" => BodyDescription::FIELDS,
+                _ => looker.fields,
+            };
+            for row in map.rows {
+                assert!(fields.iter().any(|field| field.name == *row), "{}: {row}", map.name);
+            }
+            assert!(!map.rows.is_empty() || map.name == "thickness", "{}", map.name);
+        }
     }
 }

@@ -289,6 +289,14 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
             problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
         }
         finite_points(&place(", start pose"), start, problems);
+        if let [first, second, rest @ ..] = start.as_slice()
+            && second == first
+            && rest.iter().all(|point| point == first)
+        {
+            let what = format!("all {} points are in one place, {:?}", start.len(), <[f64; 3]>::from(*first));
+            let advice = "export the pose in which the garment starts; leave `start` out to start at rest";
+            problems.push(Problem::data(place(", start pose"), what, advice));
+        }
     }
 }
 
@@ -355,10 +363,15 @@ fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
         BodyShape::Surface { .. } => {}
     }
     check_values(&place, body, problems);
-    let ascending = body.motion.path.windows(2).all(|w| w[0].0 < w[1].0);
-    let finite = body.motion.path.iter().all(|(t, x)| t.is_finite() && is_possible(x));
+    check_path(&place, &body.motion.path, problems);
+}
+
+/// Times that do not ascend, and places that are none.
+fn check_path(place: &str, path: &[(f64, Vec3)], problems: &mut Vec<Problem>) {
+    let ascending = path.windows(2).all(|w| w[0].0 < w[1].0);
+    let finite = path.iter().all(|(t, x)| t.is_finite() && is_possible(x));
     if !ascending || !finite {
-        problems.push(Problem::scene(&place, "its path needs ascending times and finite positions", "correct `path`"));
+        problems.push(Problem::scene(place, "its path needs ascending times and finite positions", "correct `path`"));
     }
 }
 
@@ -377,7 +390,11 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
         let place = format!("garment \"{}\", pin {p}", garment.name);
         let count = garment.point_count();
         let vertices: Vec<u32> = match &pin.target {
-            PinTarget::Path { vertices, .. } | PinTarget::Track { vertices, .. } => vertices.clone(),
+            PinTarget::Path { vertices, offsets, .. } => {
+                check_path(&place, offsets, problems);
+                vertices.clone()
+            }
+            PinTarget::Track { vertices, .. } => vertices.clone(),
             PinTarget::BodyNearest { vertices, body } => {
                 check_pin_body(description, *body, &place, problems);
                 vertices.clone()
@@ -402,6 +419,9 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
         check_values(&place, pin, problems);
         if pin.from >= pin.until {
             problems.push(Problem::scene(&place, "it ends before it starts", "make `from` smaller than `until`"));
+        }
+        if pin.axes == [false; 3] {
+            problems.push(Problem::scene(&place, "it holds along no axis", "write `axes`, as in \"xyz\""));
         }
         if pin.hold == PinHold::Hard {
             let axes = (0..3).filter(|axis| pin.axes[*axis]);
@@ -553,6 +573,18 @@ mod tests {
             ),
             (problems_of(|scene| scene.seams[0].stiffness = 0.0), "seam 0: `strength` = 0 N/m is outside"),
             (problems_of(|scene| scene.seams[0].until = f64::INFINITY), "seam 0: `closed` = inf s is outside"),
+            (
+                problems_of(|scene| scene.garments[0].start = Some(vec![Vec3::x(); 3])),
+                "garment \"flag\", start pose: all 3 points are in one place, [1.0, 0.0, 0.0]",
+            ),
+            (problems_of(|scene| scene.pins[0].axes = [false; 3]), "garment \"flag\", pin 0: it holds along no axis"),
+            (
+                problems_of(|scene| {
+                    let PinTarget::Path { offsets, .. } = &mut scene.pins[0].target else { panic!("a path") };
+                    offsets.extend([(1.0, Vec3::zeros()), (0.5, Vec3::x())]);
+                }),
+                "garment \"flag\", pin 0: its path needs ascending times and finite positions",
+            ),
         ] {
             assert!(text.contains(words), "{words}\n{text}");
         }

@@ -372,6 +372,7 @@ fn pairs_of(count: usize) -> Vec<PairForce> {
             history: PairHistory::NONE,
             stiffness: 40.0,
             damping: [3.0, 1.0 + 0.5 * random.signed()],
+            last_change: 0.0,
         }
     };
     distinct.enumerate().map(of_pair).collect()

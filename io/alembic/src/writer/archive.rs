@@ -128,6 +128,11 @@ impl ArchiveWriter {
         &self.path
     }
 
+    /// The file being written, open: whether its name still leads to it can be asked. Nothing else may be done with it.
+    pub fn file(&self) -> &File {
+        &self.file
+    }
+
     /// Index of `sampling` for property declarations; equal samplings share one. Index 0 is for static properties.
     pub fn add_time_sampling(&mut self, sampling: TimeSampling) -> Result<u32, AlembicError> {
         if let Some(found) = self.samplings.iter().position(|known| known.matches(&sampling)) {

@@ -1,5 +1,6 @@
 //! `[[garment]]`, generated shapes and `[[garment.pin]]`.
 
+use drapery_core::scene::{LARGEST_DENSITY, LARGEST_THICKNESS, SMALLEST_DENSITY};
 use drapery_core::settings::{self, Dimension, Field, choice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -59,7 +60,7 @@ pub(in crate::scene_file) struct Garment {
     pub(in crate::scene_file) material: Option<String>,
     /// Mass per area, in kg/m² or as "150 g/m²".
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1e-6, max = 1e6))]
+    #[schemars(range(min = SMALLEST_DENSITY, max = LARGEST_DENSITY))]
     pub(in crate::scene_file) density: Option<Quantity>,
     /// Mass of the whole garment in kg, the same for every vertex; instead of `density`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -68,7 +69,7 @@ pub(in crate::scene_file) struct Garment {
     /// Distance that `self_repulsion` keeps between its layers and from other garments, in metres or as "0.5 mm"; lowered
     /// where edges are short. Left out: that of the material, or 0.5 mm.
     #[serde(default = "default_thickness")]
-    #[schemars(range(min = 1e-9, max = 1e3))]
+    #[schemars(range(min = 1e-9, max = LARGEST_THICKNESS))]
     pub(in crate::scene_file) thickness: Quantity,
     /// Quantities that differ among the vertices, each the name of an attribute of the rest shape with one value for each
     /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the
@@ -436,11 +437,11 @@ pub(in crate::scene_file) struct Pin {
     /// With `to = "track"`: a mesh with as many points as the garment, as "file.abc" or "file.abc@/path/of/mesh".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) track: Option<String>,
-    /// Axes in which the vertices are held, as "xyz" or "xy".
+    /// Axes in which the vertices are held, as "xyz" or "xy", each letter once; springs hold in all.
     #[serde(default = "default_axes")]
     pub(in crate::scene_file) axes: String,
     /// With `to = "start"` or `to = "here"`: offsets from that place, [[seconds since the first frame, [dx, dy, dz]],
-    /// …].
+    /// …], in the order of their times.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(transform = points_in_space)]
     pub(in crate::scene_file) path: Vec<(f64, [f64; 3])>,

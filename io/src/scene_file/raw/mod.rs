@@ -220,14 +220,29 @@ pub(in crate::scene_file) struct Output {
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,
+    /// Which faces garments are written with; render meshes keep theirs. "original" by default.
+    #[serde(skip_serializing_if = "is_original")]
+    pub(in crate::scene_file) faces: Faces,
+}
+
+/// Which faces garments are written with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum Faces {
+    /// Those of their files, which renderers cut into triangles themselves, along either diagonal.
+    #[default]
+    Original,
+    /// The triangles that are simulated, so that what is rendered is what collided.
+    Triangles,
 }
 
 /// Keys of `[output]` that a scene with all defaults does not say, with the values that mean the same.
-pub const UNSAID: [(&str, &str); 4] = [
+pub const UNSAID: [(&str, &str); 5] = [
     ("output.samples", "1"),
     ("output.shutter", "[-0.25, 0.25]"),
     ("output.preroll", "false"),
     ("output.usd_single", "false"),
+    ("output.faces", "\"original\""),
 ];
 
 /// Half a frame around the frame.
@@ -237,6 +252,10 @@ fn is_one(samples: &u32) -> bool {
     *samples == 1
 }
 
+fn is_original(faces: &Faces) -> bool {
+    *faces == Faces::Original
+}
+
 fn is_usual_shutter(shutter: &[f64; 2]) -> bool {
     *shutter == SHUTTER
 }
@@ -244,7 +263,15 @@ fn is_usual_shutter(shutter: &[f64; 2]) -> bool {
 impl Default for Output {
     fn default() -> Self {
         let format = vec![Format::Abc, Format::H5];
-        Self { format, velocities: true, samples: 1, shutter: SHUTTER, preroll: false, usd_single: false }
+        Self {
+            format,
+            velocities: true,
+            samples: 1,
+            shutter: SHUTTER,
+            preroll: false,
+            usd_single: false,
+            faces: Faces::Original,
+        }
     }
 }
 

@@ -117,6 +117,7 @@ fn usd_error(path: &Path, place: &str, error: &openusd::Error, log: &Mutex<Log>)
         }
         cause = next.source();
     }
+    let what = in_plain_words(&what);
     let advice =
         if begins_with_point(&what) { WRITE_ZERO } else { "the file is damaged, or of another kind; export it again" };
     UsdError::bad(path, place, what, advice)
@@ -128,6 +129,14 @@ const POINT_FIRST: &str = "got Punctuation('.')";
 /// What helps then.
 const WRITE_ZERO: &str = "a number that begins with its point (.3) is right in USD, and is not read here: write 0.3, or save the \
                           layer as .usdc";
+
+/// What the library says of letters that it knows no word from.
+const UNKNOWN_LETTERS: &str = "Logos error";
+
+/// What the library says, without the names of its parts.
+fn in_plain_words(what: &str) -> String {
+    what.replace(UNKNOWN_LETTERS, "these letters mean nothing in USD")
+}
 
 /// Whether the library stumbled over a number that begins with its point.
 fn begins_with_point(what: &str) -> bool {
@@ -397,7 +406,7 @@ fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
             UsdErrorKind::Missing => "put the file where the layer looks for it, or export the stage as one file",
             UsdErrorKind::BadInput => "mend what the layer refers to, or export the stage as one file",
         };
-        let error = UsdError::bad(path, named, text, advice);
+        let error = UsdError::bad(path, named, in_plain_words(&text), advice);
         flaws.push((place, UsdError { kind, ..error }));
     }
     flaws

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define CHECK(condition)                                                                  \
     do {                                                                                  \
@@ -43,6 +44,19 @@ static void refused(int32_t code, int32_t expected, const char *words)
 static bool always(void *user)
 {
     ++*(int *)user;
+    return true;
+}
+
+/* What freeing a simulation from within a call of it returns. */
+struct freed {
+    drapery_simulation *simulation;
+    int32_t code;
+};
+
+static bool frees(void *user)
+{
+    struct freed *freed = user;
+    freed->code = drapery_simulation_free(freed->simulation);
     return true;
 }
 
@@ -124,7 +138,7 @@ int main(int count, char **arguments)
     const double *positions, *velocities;
     done(drapery_simulation_positions(simulation, 0, &positions, &point_count, &error));
     CHECK(point_count == 100 && face_corners[corner_count - 1] < point_count);
-    refused(drapery_simulation_positions(simulation, 1, &positions, &point_count, &error), DRAPERY_BAD_INPUT, "garment 1");
+    refused(drapery_simulation_positions(simulation, 1, &positions, &point_count, &error), DRAPERY_USAGE, "garment 1");
     CHECK(positions == NULL && point_count == 0);
 
     /* Bodies that cannot be there. */
@@ -136,6 +150,7 @@ int main(int count, char **arguments)
     CHECK(drapery_error_frame(error, &frame) && frame == 1001 && drapery_error_element(error, &element) && element == 3);
     CHECK(strcmp(drapery_error_object(error), "table") == 0 && drapery_error_frame(error, NULL));
     drapery_error_free(error);
+    refused(drapery_simulation_move_body(simulation, 1, &points[0][0], 5, &error), DRAPERY_USAGE, "body 1");
 
     /* Frames, with a cancelled one and states to go back to. */
     drapery_state *state = NULL, *within = NULL;
@@ -183,10 +198,23 @@ int main(int count, char **arguments)
     refused(drapery_simulation_restore(other, state, &error), DRAPERY_USAGE, "another simulation");
     refused(drapery_simulation_restore_file(other, "no such state.h5", &error), DRAPERY_MISSING_INPUT, "no such state");
     refused(drapery_simulation_save_file(other, "no/such/folder/state.h5", &error), DRAPERY_CANNOT_CREATE, "folder");
+    char pipe[4096];
+    struct stat about;
+    snprintf(pipe, sizeof pipe, "%s/pipe.h5", folder);
+    CHECK(mkfifo(pipe, 0600) == 0);
+    refused(drapery_simulation_save_file(other, pipe, &error), DRAPERY_CANNOT_CREATE, "this is a pipe");
+    CHECK(stat(pipe, &about) == 0 && S_ISFIFO(about.st_mode));
     done(drapery_simulation_restore_file(other, path, &error));
     done(drapery_simulation_positions(other, 0, &positions, &point_count, &error));
     CHECK(memcmp(before, positions, sizeof(double) * 3 * point_count) == 0);
     free(before);
+
+    /* A callback cannot free what calls it. */
+    done(drapery_simulation_restore(simulation, state, &error));
+    struct freed freed = {simulation, DRAPERY_DONE};
+    CHECK(drapery_simulation_advance(simulation, frees, &freed, &error) == DRAPERY_CANCELLED);
+    CHECK(freed.code == DRAPERY_USAGE);
+    done(drapery_simulation_advance(simulation, NULL, NULL, &error));
 
     /* A whole shot: cancelled, gone on with, and there already. */
     int frames = 0;

@@ -1,7 +1,7 @@
 """Drapery, an offline cloth solver for film-quality shots: scenes, simulations frame by frame, whole shots, caches, studies.
 
 Lengths are in metres with Y up, times in seconds, masses in kilograms; arrays of points have the shape (points, 3). What is stepped
-or run here has the bits of ``drapery run``. Messages go to the logger ``drapery``. ``python -m drapery`` is the command.
+or run here equals the result of ``drapery run`` bit for bit. Messages go to the logger ``drapery``. ``python -m drapery`` is the command.
 
 >>> import drapery
 >>> simulation = drapery.Scene.load("hanging_sheet.toml").simulate()

@@ -429,7 +429,7 @@ class Simulation:
         """Simulates up to the next frame.
 
         Raises UsageError at the last frame, SolverError where the solver gives up. Ctrl-C stops between two steps and is raised;
-        called again, it resumes with the bits of a frame that was never stopped.
+        called again, it resumes, and its result equals that of a frame that was never stopped, bit for bit.
         """
         self._native.advance()
         frame = self.summary

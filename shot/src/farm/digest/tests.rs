@@ -71,6 +71,8 @@ fn a_default_of_the_output_that_is_written_is_no_change() {
     assert_eq!(other, only_forbidden("output.shutter (nothing) -> [-0.5, 0.25]"));
     let single = changes("velocities = true", "velocities = true\nusd_single = true");
     assert_eq!(single, only_allowed("output.usd_single (nothing) -> true"));
+    let faces = changes("velocities = true", "velocities = true\nfaces = \"triangles\"");
+    assert_eq!(faces, only_allowed("output.faces (nothing) -> \"triangles\""));
 }
 
 #[test]
