@@ -35,20 +35,20 @@ impl Cache {
     }
 }
 
-/// A unit of length by its word.
-pub(crate) fn length_of(word: &str) -> PyResult<LengthUnit> {
+/// A unit of length by its word; `name` is the argument that it is.
+pub(crate) fn length_of(name: &str, word: &str) -> PyResult<LengthUnit> {
     LengthUnit::ALL.into_iter().find(|unit| unit.word() == word).ok_or_else(|| {
         let known = LengthUnit::ALL.map(LengthUnit::word).join(", ");
-        usage(format!("`length` is {word:?}\n  help: give one of {known}"))
+        usage(format!("`{name}` is {word:?}\n  help: give one of {known}"))
     })
 }
 
-/// An up axis by its letter.
-pub(crate) fn axis_of(letter: &str) -> PyResult<UpAxis> {
+/// An up axis by its letter; `name` is the argument that it is.
+pub(crate) fn axis_of(name: &str, letter: &str) -> PyResult<UpAxis> {
     match letter {
         "Y" => Ok(UpAxis::Y),
         "Z" => Ok(UpAxis::Z),
-        other => Err(usage(format!("`up` is {other:?}\n  help: give Y or Z"))),
+        other => Err(usage(format!("`{name}` is {other:?}\n  help: give Y or Z"))),
     }
 }
 
@@ -109,11 +109,8 @@ impl Cache {
     /// Unit of the file, if it is one that has a word, and its axis.
     #[getter]
     fn units(&self) -> PyResult<(Option<&'static str>, &'static str)> {
-        let cache = self.opened()?;
-        let units = cache.units();
-        // Where the file has another unit, that of its numbers is said as metres.
-        let is_named = cache.unit_in_words() == units.to_string();
-        Ok((is_named.then(|| units.length.word()), axis(units.up)))
+        let units = self.opened()?.input_units();
+        Ok((units.named().map(LengthUnit::word), axis(units.up)))
     }
 
     fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -177,7 +174,7 @@ pub(crate) struct Plan<'py> {
 
 impl Plan<'_> {
     fn units(&self) -> PyResult<Units> {
-        Ok(Units { length: length_of(&self.length)?, up: axis_of(&self.up)? })
+        Ok(Units { length: length_of("length", &self.length)?, up: axis_of("up", &self.up)? })
     }
 
     /// The mesh, whose faces and points fit each other.

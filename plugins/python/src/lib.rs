@@ -18,6 +18,7 @@ mod files;
 mod on_thread;
 mod scene;
 mod simulation;
+mod values;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -49,7 +50,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
-    module.add_function(wrap_pyfunction!(scene::toml_of, module)?)?;
+    module.add_function(wrap_pyfunction!(values::toml_of, module)?)?;
+    module.add_function(wrap_pyfunction!(values::content_of, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::verify_caches, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::make_study, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::study_of, module)?)?;

@@ -24,11 +24,25 @@ from ._errors import (
     SolverError,
     UsageError,
 )
-from ._files import Conversion, Difference, FileDifference, FileInfo, FrameDistance, MeshInfo, convert, diff, info, report
+from ._files import (
+    ArrayDifference,
+    Conversion,
+    Difference,
+    FileDifference,
+    FileInfo,
+    FrameDistance,
+    MeshInfo,
+    WorstVertex,
+    convert,
+    diff,
+    info,
+    report,
+)
 from ._native import State, __version__, set_threads
 from ._scene import Frame, Plan, Progress, Report, Scene, SceneWarning, Shot, Simulation
 
 __all__ = [
+    "ArrayDifference",
     "Cache",
     "CacheMesh",
     "CacheWriter",
@@ -62,6 +76,7 @@ __all__ = [
     "UsageError",
     "Uvs",
     "Verification",
+    "WorstVertex",
     "__version__",
     "convert",
     "diff",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -32,42 +33,52 @@ class Conversion:
     """Its unit and axis."""
     left_out: list[str]
     """What the old cache holds of its meshes and the new one does not, a sentence each."""
+    doubts: list[str]
+    """What is odd about the units of the old cache, a sentence each."""
 
 
 def convert(
     source: PathLike,
     out: PathLike,
-    mesh: str | None = None,
+    object: str | None = None,
     frames: tuple[int, int] | None = None,
+    from_length: str | None = None,
+    from_up: str | None = None,
     length: str | None = None,
     up: str | None = None,
     fps: float | Fraction | None = None,
+    triangles: bool = False,
     overwrite: bool = False,
 ) -> Conversion:
     """Writes a cache as another one, as ``drapery convert`` does; the extension of ``out`` says its format.
 
-    ``mesh`` is the path of the mesh where there are several, ``frames`` are the first and the last one, ``length`` (``mm``, ``cm``,
-    ``in``, ``ft``, ``m``) and ``up`` (``Y``, ``Z``) are unit and axis of the new cache; what is left out stays. ``fps`` is the rate in
-    frames per second of a file that does not say it. What the new cache cannot hold is in ``left_out``, and logged.
+    The arguments are the options of the command. ``object`` is the path of the mesh where there are several, ``frames`` are the
+    first and the last one. ``from_length`` (``mm``, ``cm``, ``in``, ``ft``, ``m``) and ``from_up`` (``Y``, ``Z``) are unit and axis of
+    the old cache whatever it says of itself, ``length`` and ``up`` those of the new one, which has those of the old one when left
+    out. ``fps`` is the rate in frames per second of a file that does not say it. ``triangles`` writes the triangles that were
+    simulated in the place of the faces. What is in ``left_out`` and ``doubts`` is logged.
 
-    Raises InputError for a cache that is damaged or missing, OutputError if ``out`` is there and ``overwrite`` is not set, or the disk
-    refuses; UsageError for a mesh or frames that are not there.
+    Raises InputError for a cache that is damaged or missing or lacks this mesh or a frame, OutputError if ``out`` is there and
+    ``overwrite`` is not set, or the disk refuses; UsageError for a unit, axis or rate that there is not.
     """
     rate = None if fps is None else _rate(fps)
     request: dict[str, Any] = {
         "from": os.fspath(source),
         "to": os.fspath(out),
-        "object": mesh,
+        "object": object,
         "frames": frames,
+        "from_length": from_length,
+        "from_up": from_up,
         "length": length,
         "up": up,
         "fps": None if rate is None else (rate.numerator, rate.denominator),
+        "triangles": triangles,
         "overwrite": overwrite,
     }
-    written, points, units, left_out = _native.convert(request)
-    for sentence in left_out:
+    written, points, units, left_out, doubts = _native.convert(request)
+    for sentence in doubts + left_out:
         _log.warning("%s", sentence)
-    return Conversion(Path(out), written, points, Units(*units), left_out)
+    return Conversion(Path(out), written, points, Units(*units), left_out, doubts)
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class FrameDistance:
     behind: float
     """How far behind it the sample is, in frames: 0 for the frame itself."""
     max: float
-    """Largest distance between a vertex and its like [m]."""
+    """Largest distance between a vertex and its like [m]; infinite where a side holds no number."""
     rms: float
     """Root of the mean square distance over all vertices [m]."""
     max_velocity: float | None
@@ -88,6 +99,38 @@ class FrameDistance:
     """The vertex that is farthest away."""
     mesh: str
     """Path of its mesh."""
+
+
+@dataclass(frozen=True)
+class WorstVertex:
+    """The vertex that is farthest from its like."""
+
+    mesh: str
+    """Path of the mesh in the cache, or name of the array of a checkpoint."""
+    vertex: int
+    """Number of the vertex, from 0."""
+    frame: int
+    """Frame; that of the checkpoint, for one."""
+    behind: float
+    """How far behind it the sample is, in frames."""
+    distance: float
+    """Distance [m]; infinite where a side holds no number."""
+
+
+@dataclass(frozen=True)
+class ArrayDifference:
+    """How an array of a checkpoint differs."""
+
+    name: str
+    """Section and array: ``state/positions``."""
+    count: int
+    """Number of values that differ."""
+    values: int
+    """Number of values."""
+    max: float
+    """Largest difference, in the array's own unit."""
+    first: int
+    """Index of the first value that differs."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +145,12 @@ class FileDifference:
     """As of ``Difference``."""
     notes: list[str]
     """What the two do not have in common, and differences that are no distances."""
-    worst: dict[str, Any] | None
-    """The vertex that is farthest from its like: ``mesh``, ``vertex``, ``frame``, ``behind``, ``distance`` [m]."""
+    worst: WorstVertex | None
+    """The vertex that is farthest from its like, if any is away from it."""
     frames: list[FrameDistance] = field(repr=False)
-    """Every frame that both have; empty for files with the same bytes, and for checkpoints."""
-    datasets: list[dict[str, Any]] = field(repr=False)
-    """Arrays that differ, of checkpoints: ``name``, ``count``, ``values``, ``max``, ``first``."""
+    """Every frame that both have, and every sample between; empty for files with the same bytes, and for checkpoints."""
+    arrays: list[ArrayDifference] = field(repr=False)
+    """Arrays that differ, of checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -132,13 +175,22 @@ def diff(a: PathLike, b: PathLike, tolerance: float = 0.0) -> Difference:
 
     ``tolerance`` is the distance that is allowed [m]. Raises InputError if one is missing, damaged, or not of the kind of the other.
     """
-    if not tolerance >= 0.0:
+    if not (tolerance >= 0.0 and math.isfinite(tolerance)):
         raise UsageError(f"`tolerance` is {tolerance}\n  help: give a distance in metres, 0 or more")
     found = json.loads(_native.diff(os.fspath(a), os.fspath(b), tolerance))
-    parts = [
-        FileDifference(**{**part, "frames": [FrameDistance(**frame) for frame in part["frames"]]}) for part in found["parts"]
-    ]
-    return Difference(found["verdict"], found["tolerance"], parts)
+    return Difference(found["verdict"], found["tolerance"], [_file_difference(part) for part in found["parts"]])
+
+
+def _file_difference(part: dict[str, Any]) -> FileDifference:
+    worst = None if part["worst"] is None else WorstVertex(**_finite_or_not(part["worst"], "distance"))
+    frames = [FrameDistance(**_finite_or_not(frame, "max", "rms")) for frame in part["frames"]]
+    arrays = [ArrayDifference(**_finite_or_not(array, "max")) for array in part["datasets"]]
+    return FileDifference(part["a"], part["b"], part["verdict"], part["notes"], worst, frames, arrays)
+
+
+def _finite_or_not(numbers: dict[str, Any], *names: str) -> dict[str, Any]:
+    """The same with the infinite distances, for which JSON has but null."""
+    return {name: math.inf if name in names and value is None else value for name, value in numbers.items()}
 
 
 def report(folder: PathLike) -> Path:
@@ -165,9 +217,9 @@ class MeshInfo:
     """Number of samples of the points."""
     times: tuple[float, float]
     """Times of the first and the last sample [s]."""
-    bounds: list[list[float]] | None
+    bounds: tuple[list[float], list[float]] | None
     """Smallest and largest coordinates of the first sample in the world."""
-    uvs: list[Any] | None
+    uvs: tuple[str, int] | None
     """Name of the texture coordinates and the number of their values."""
     face_sets: dict[str, int]
     """Face sets and their number of faces."""
@@ -196,10 +248,11 @@ class FileInfo:
 def info(path: PathLike) -> FileInfo:
     """What a mesh or cache file holds, as ``drapery info`` says. Raises InputError if it is missing or cannot be read."""
     found = json.loads(_native.info(os.fspath(path)))
-    meshes = [
-        MeshInfo(
-            **{**mesh, "faces": tuple(mesh["faces"]), "times": tuple(mesh["times"]), "face_sets": dict(mesh["face_sets"])}
-        )
-        for mesh in found["meshes"]
-    ]
+    meshes = [MeshInfo(**_tuples(mesh)) for mesh in found["meshes"]]
     return FileInfo(found["format"], dict(found["properties"]), meshes, dict(found["others"]))
+
+
+def _tuples(mesh: dict[str, Any]) -> dict[str, Any]:
+    """The same with tuples for lists of a fixed length, and a mapping for pairs."""
+    pairs = {name: None if mesh[name] is None else tuple(mesh[name]) for name in ("faces", "times", "bounds", "uvs")}
+    return {**mesh, **pairs, "face_sets": dict(mesh["face_sets"])}
