@@ -73,9 +73,9 @@ pub(crate) fn check_motion(
     problems
 }
 
-/// A body of an unlikely size: an error when its height under the scene's general units is that of a person, or of the garments, in
-/// another unit. Nothing when it is small and fits the garments, as a doll or a hand does, else a warning: as when somebody has
-/// written units for this very body, or when only its width is unusual (a floor).
+/// A body of an unlikely size. Where another unit explains it, by the size of a person or of the garments: an error, or a warning
+/// if somebody has written units for this very body, or only its width is unusual (a floor). Where none does: a warning, unless the
+/// body has units of its own, or is small and fits the garments, as a doll or a hand does.
 pub(crate) fn check_size(
     motion: &InputMotion,
     span: Span,
@@ -93,15 +93,20 @@ pub(crate) fn check_size(
     // The same question for its height alone: a wide floor has a plausible height, or none.
     let height = [Vec3::zeros(), Vec3::new(0.0, bounds[1].y - bounds[0].y, 0.0)];
     let place = format!("{} ({})", motion.label, motion.source.path().display());
-    let may_be_meant = motion.own_units || unlikely_size(height, units).is_none();
-    let mistaken = size.mistaken_for(units, largest).filter(|_| !may_be_meant);
+    let mistaken = size.mistaken_for(units, largest);
     let likely = mistaken.or(size.likely);
     let (what, remedy) = (size.looks_like(likely), unit_remedy(motion, likely, units.up));
     let across = format!("the largest garment is {largest:.3} m across");
     if mistaken.is_none() {
-        if !size.fits(largest) {
-            warnings.push(format!("{place}: {what}; {across}; {remedy}"));
+        if !motion.own_units && !size.fits(largest) {
+            warnings.push(format!(
+                "{place}: {what}; {across}; {remedy}; if it really is that size, write `units` at this body"
+            ));
         }
+        return None;
+    }
+    if motion.own_units || unlikely_size(height, units).is_none() {
+        warnings.push(format!("{place}: {what}; {across}; {remedy}"));
         return None;
     }
     let advice = if motion.source.states_length() {
