@@ -91,7 +91,7 @@ pub(crate) enum Command {
     Info(FileArgs),
     /// Write a cache in another format, with other frames, or in another unit or axis
     Convert(ConvertArgs),
-    /// Check that caches can be loaded by other applications and have no self-intersections
+    /// Check that other applications can load caches and that nothing intersects; warn of what does along other diagonals of quads
     Verify(VerifyArgs),
     /// Show how far a run is: frames, rate, time left, last checkpoint; reads only
     Status(StatusArgs),

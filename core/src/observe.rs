@@ -8,6 +8,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::Vec3;
+use crate::geometry::random::SplitMix64;
 use crate::parallel::parts::Parts;
 use crate::scene::Scene;
 use crate::scene::gather::{LocalValues, VertexField};
@@ -186,17 +187,12 @@ impl Observer {
 }
 
 /// Checksum of the values of a rank's own vertices: a sum over vertices, so that any split among ranks has the same in all. Each
-/// term mixes the vertex' number in the scene with the bits of its value (the finaliser of SplitMix64: G. L. Steele, D. Lea,
-/// C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014).
+/// term mixes the vertex' number in the scene with the bits of its value.
 fn checksum(parts: &Parts, values: &[Vec3]) -> u64 {
-    let mix = |mut z: u64| {
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
     let of_vertex = |vertex: usize| {
-        let number = mix(u64::from(parts.number(vertex)) + 0x9e37_79b9_7f4a_7c15);
-        values[vertex].iter().fold(number, |sum, component| mix(sum.rotate_left(1) ^ component.to_bits()))
+        let number = SplitMix64::new(u64::from(parts.number(vertex))).bits();
+        let mix = |sum: u64, component: &f64| SplitMix64::mixed(sum.rotate_left(1) ^ component.to_bits());
+        values[vertex].iter().fold(number, mix)
     };
     parts.own().map(of_vertex).fold(0, u64::wrapping_add)
 }

@@ -149,7 +149,7 @@ fn doubts<'a>(
             Some(unit) => format!("if it is, say --from-length {}", unit.word()),
             None => "--from-length says in which unit it is read".to_owned(),
         };
-        found.push(format!("{place}: {}; {remedy}", size.what));
+        found.push(format!("{place}: {}; {remedy}", size.looks_like(size.likely)));
     }
     Ok(found)
 }

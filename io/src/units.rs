@@ -266,11 +266,20 @@ const OTHER_UNIT: f64 = 5.0;
 /// How far from a unit the factor between two sizes may be, as a factor.
 const NEAR_UNIT: f64 = 1.5;
 
+/// By what factor two units that are taken for each other differ at least: metres and centimetres do by 100, of millimetres and
+/// centimetres a doll tells as little as of feet and centimetres.
+const MISTAKEN: f64 = 50.0;
+
+/// Whether two sizes with this factor between them are about the same.
+fn is_about(factor: f64) -> bool {
+    (1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&factor)
+}
+
 /// The unit in which a mesh that is `size` metres across, read in `units`, has about the size of `other`; `None` where it has that in
 /// its own unit, or in none that scenes know.
 pub fn likely_unit(size: f64, units: InputUnits, other: f64) -> Option<LengthUnit> {
     let factor = size / other;
-    if !factor.is_finite() || (1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&factor) {
+    if !factor.is_finite() || is_about(factor) {
         return None;
     }
     let miss = |unit: &LengthUnit| (factor * unit.metres() / units.metres).ln().abs();
@@ -278,7 +287,7 @@ pub fn likely_unit(size: f64, units: InputUnits, other: f64) -> Option<LengthUni
     (miss(&likely) < NEAR_UNIT.ln()).then_some(likely)
 }
 
-/// Heights that a body from a file may have without anyone asking [m]: from a doll's arm to a four-storey creature.
+/// Heights that a body from a file may have without anyone asking [m]: from a doll to a four-storey creature.
 const PLAUSIBLE_BODY: std::ops::RangeInclusive<f64> = 0.2..=20.0;
 
 /// Height of a person [m], to which a wrong unit is compared.
@@ -287,10 +296,35 @@ const PERSON: f64 = 1.7;
 /// A size that no character has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnlikelySize {
-    /// The size in words, and the unit that it looks like.
+    /// The size in words.
     pub what: String,
-    /// That unit: the one that brings it nearest to a person's height. `None` if it is the one that it was read in, or none helps.
+    /// The unit that it looks like: the one that brings it nearest to a person's height. `None` if it is the one that it was read
+    /// in, or none helps.
     pub likely: Option<LengthUnit>,
+    /// Largest extent [m].
+    pub extent: f64,
+}
+
+impl UnlikelySize {
+    /// The unit that the mesh, read in `units`, must be meant in: with it a character, or a mesh about as large as one of `other`
+    /// metres that belongs to it, has the right size, and it is far from the one that it was read in. `None` if the size may be meant.
+    pub fn mistaken_for(&self, units: InputUnits, other: f64) -> Option<LengthUnit> {
+        let is_far = |unit: &LengthUnit| {
+            let factor = unit.metres() / units.metres;
+            factor.max(1.0 / factor) >= MISTAKEN
+        };
+        self.likely.into_iter().chain(likely_unit(self.extent, units, other)).find(is_far)
+    }
+
+    /// The size in words, with a unit that it looks like.
+    pub fn looks_like(&self, unit: Option<LengthUnit>) -> String {
+        unit.map_or_else(|| self.what.clone(), |unit| format!("{}: looks like {}", self.what, unit.plural()))
+    }
+
+    /// Whether the mesh is small and about as large as one of `other` metres that belongs to it: a doll and its dress.
+    pub fn fits(&self, other: f64) -> bool {
+        self.extent < *PLAUSIBLE_BODY.start() && is_about(self.extent / other)
+    }
 }
 
 /// Says what is suspicious about the size of a mesh that was read from a file.
@@ -310,11 +344,9 @@ pub fn unlikely_size(bounds: [Vec3; 2], units: InputUnits) -> Option<UnlikelySiz
     let read_as = units.plural();
     let likely = Some(likely)
         .filter(|likely| PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && Some(*likely) != units.named());
-    let what = match likely {
-        Some(likely) => format!("it is {extent:.3} m {size} when read as {read_as}: looks like {}", likely.plural()),
-        None => format!("it is {extent:.3e} m {size} when read as {read_as}"),
-    };
-    Some(UnlikelySize { what, likely })
+    let extent_in_words = if (1e-3..1e6).contains(&extent) { format!("{extent:.3}") } else { format!("{extent:.3e}") };
+    let what = format!("it is {extent_in_words} m {size} when read as {read_as}");
+    Some(UnlikelySize { what, likely, extent })
 }
 
 #[cfg(test)]
@@ -337,16 +369,39 @@ mod tests {
 
     #[test]
     fn a_body_of_172_units_is_recognised_as_centimetres() {
-        let UnlikelySize { what, likely } =
-            unlikely_size(body(172.0), Units::SI.into()).expect("172 m is not a person");
-        assert_eq!(what, "it is 172.000 m high when read as metres: looks like centimetres");
-        assert_eq!(likely, Some(LengthUnit::Centimetre));
+        let giant = unlikely_size(body(172.0), Units::SI.into()).expect("172 m is not a person");
+        let words = "it is 172.000 m high when read as metres: looks like centimetres";
+        assert_eq!((giant.looks_like(giant.likely).as_str(), giant.likely), (words, Some(LengthUnit::Centimetre)));
         let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Y };
         let small = unlikely_size(body(0.0172), centimetres.into()).expect("17 mm is not a person");
         assert_eq!(small.likely, Some(LengthUnit::Metre), "{}", small.what);
         assert_eq!(unlikely_size(body(1.72), Units::SI.into()), None);
         assert_eq!(unlikely_size(body(19.0), Units::SI.into()), None);
         assert!(unlikely_size(body(1.0e7), Units::SI.into()).is_some_and(|size| size.likely.is_none()));
+    }
+
+    #[test]
+    fn a_small_body_that_fits_its_garments_is_meant_and_one_that_is_a_hundred_times_off_is_not() {
+        let centimetres = InputUnits { metres: 0.01, up: UpAxis::Y };
+        let millimetres = InputUnits { metres: 0.001, up: UpAxis::Y };
+        let judged = |height: f64, units, other: f64| {
+            let size = unlikely_size(body(height), units).expect("no character has this size");
+            (size.mistaken_for(units, other), size.fits(other))
+        };
+        // A doll of 14 cm and its dress, whatever its file counts in.
+        for units in [InputUnits::from(Units::SI), centimetres, millimetres] {
+            assert_eq!(judged(0.14, units, 0.1), (None, true), "{units}");
+        }
+        // A hand under a table cloth.
+        assert_eq!(judged(0.14, Units::SI.into(), 2.0), (None, false));
+        // A person in metres that is read in centimetres, alone or with the garments.
+        assert_eq!(judged(0.0172, centimetres, 1.2).0, Some(LengthUnit::Metre));
+        assert_eq!(judged(0.0172, centimetres, 0.012).0, Some(LengthUnit::Metre));
+        // The other mistake, and a giant, which is no doll.
+        assert_eq!(judged(172.0, Units::SI.into(), 150.0), (Some(LengthUnit::Centimetre), false));
+        assert_eq!(judged(25.0, Units::SI.into(), 30.0), (None, false));
+        // Nothing that looks like a person, but like the garments: a tower in metres that is read in centimetres, and its flag.
+        assert_eq!(judged(0.19, centimetres, 18.0).0, Some(LengthUnit::Metre));
     }
 
     #[test]

@@ -10,41 +10,26 @@ use std::path::Path;
 
 use crate::error::IoError;
 
-/// Makes sure that `path` still names the open `file`, with at least `length` bytes.
+/// Makes sure that `path` names a file with at least `length` bytes: the open `file` where it is still written, any where it was
+/// closed.
 ///
 /// # Errors
 /// The file was removed, replaced or cut by another program; the system does not tell.
-pub fn check(path: &Path, file: &File, length: u64) -> Result<(), IoError> {
-    let own = file.metadata().map_err(|error| IoError::writing(path, error))?;
+pub fn check<'a>(path: &Path, file: impl Into<Option<&'a File>>, length: u64) -> Result<(), IoError> {
+    let metadata = |file: &File| file.metadata().map_err(|error| IoError::writing(path, error));
+    let own = file.into().map(metadata).transpose()?;
     let changed = |what: String| Err(IoError::OutputChanged { path: path.to_owned(), what });
     match fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => changed("has removed this file".to_owned()),
         Err(error) => Err(IoError::writing(path, error)),
-        Ok(named) if (named.dev(), named.ino()) != (own.dev(), own.ino()) => {
+        Ok(named) if own.is_some_and(|own| (named.dev(), named.ino()) != (own.dev(), own.ino())) => {
             changed("has put another file in the place of this one".to_owned())
         }
-        Ok(named) if named.len() < length => changed(cut(named.len(), length)),
+        Ok(named) if named.len() < length => {
+            changed(format!("has cut this file from {length} to {} bytes", named.len()))
+        }
         Ok(_) => Ok(()),
     }
-}
-
-/// Makes sure that a file that was written and closed is there with so many bytes.
-///
-/// # Errors
-/// The file was removed or cut by another program; the system does not tell.
-#[cfg(feature = "usd")]
-pub(crate) fn check_closed(path: &Path, length: u64) -> Result<(), IoError> {
-    let changed = |what: String| Err(IoError::OutputChanged { path: path.to_owned(), what });
-    match fs::metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => changed("has removed this file".to_owned()),
-        Err(error) => Err(IoError::writing(path, error)),
-        Ok(named) if named.len() < length => changed(cut(named.len(), length)),
-        Ok(_) => Ok(()),
-    }
-}
-
-fn cut(held: u64, length: u64) -> String {
-    format!("has cut this file from {length} to {held} bytes")
 }
 
 #[cfg(test)]
@@ -148,14 +133,13 @@ mod tests {
         let file = written();
         file.set_len(4).unwrap();
         assert!(words(&file).contains("sheet.abc: another program has cut this file from 10 to 4 bytes"));
-        #[cfg(feature = "usd")]
-        assert!(check_closed(&path, 10).unwrap_err().to_string().contains("from 10 to 4 bytes"));
+        assert!(check(&path, None, 10).unwrap_err().to_string().contains("from 10 to 4 bytes"));
         let file = written();
         fs::remove_file(&path).unwrap();
         assert!(words(&file).contains("sheet.abc: another program has removed this file"));
-        assert!(check_closed(&path, 10).unwrap_err().to_string().contains("has removed this file"));
+        assert!(check(&path, None, 10).unwrap_err().to_string().contains("has removed this file"));
         fs::write(&path, "0123456789").unwrap();
         assert!(words(&file).contains("another file in the place of this one"));
-        check_closed(&path, 10).unwrap();
+        check(&path, None, 10).unwrap();
     }
 }

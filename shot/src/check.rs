@@ -12,6 +12,7 @@ use drapery_core::mesh::{sides, turned_edges};
 use drapery_core::scene::{FARTHEST, Timeline, coarse_place, is_possible};
 use drapery_core::tolerances::DEGENERATE_AREA;
 use drapery_io::error::IoError;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::InputMotion;
 use drapery_io::mesh_data::Connectivity;
 use drapery_io::units::{LengthUnit, UpAxis, unlikely_size};
@@ -72,9 +73,15 @@ pub(crate) fn check_motion(
     problems
 }
 
-/// A body of an unlikely size: an error when it is its height under the scene's general units, a warning when
-/// somebody has written units for this very body or when only its width is unusual (a floor).
-pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<String>) -> Option<Problem> {
+/// A body of an unlikely size. Where another unit explains it, by the size of a person or of the garments: an error, or a warning
+/// if somebody has written units for this very body, or only its width is unusual (a floor). Where none does: a warning, unless the
+/// body has units of its own, or is small and fits the garments, as a doll or a hand does.
+pub(crate) fn check_size(
+    motion: &InputMotion,
+    span: Span,
+    garments: &[GarmentMesh],
+    warnings: &mut Vec<String>,
+) -> Option<Problem> {
     let mut positions = Vec::new();
     // A file that cannot be read is reported by the check of its samples.
     motion.source.positions_at(span.first_time(), &mut positions).ok()?;
@@ -82,12 +89,24 @@ pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<St
     let bounds = positions.iter().fold(empty, |[low, high], p| [low.inf(p), high.sup(p)]);
     let units = motion.source.units();
     let size = unlikely_size(bounds, units)?;
+    let largest = garments.iter().filter_map(extent).fold(0.0, f64::max);
     // The same question for its height alone: a wide floor has a plausible height, or none.
     let height = [Vec3::zeros(), Vec3::new(0.0, bounds[1].y - bounds[0].y, 0.0)];
     let place = format!("{} ({})", motion.label, motion.source.path().display());
-    let remedy = unit_remedy(motion, size.likely, units.up);
+    let mistaken = size.mistaken_for(units, largest);
+    let likely = mistaken.or(size.likely);
+    let (what, remedy) = (size.looks_like(likely), unit_remedy(motion, likely, units.up));
+    let across = format!("the largest garment is {largest:.3} m across");
+    if mistaken.is_none() {
+        if !motion.own_units && !size.fits(largest) {
+            warnings.push(format!(
+                "{place}: {what}; {across}; {remedy}; if it really is that size, write `units` at this body"
+            ));
+        }
+        return None;
+    }
     if motion.own_units || unlikely_size(height, units).is_none() {
-        warnings.push(format!("{place}: {}; {remedy}", size.what));
+        warnings.push(format!("{place}: {what}; {across}; {remedy}"));
         return None;
     }
     let advice = if motion.source.states_length() {
@@ -95,7 +114,15 @@ pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<St
     } else {
         "correct the units; if it really is that size, write `units` at this body"
     };
-    Some(Problem::scene(place, format!("{}; {remedy}", size.what), advice))
+    Some(Problem::scene(place, format!("{what}; {remedy}"), format!("{across}; {advice}")))
+}
+
+/// Largest extent of a garment at rest [m]; `None` if it cannot be read, which is reported elsewhere.
+fn extent(garment: &GarmentMesh) -> Option<f64> {
+    let positions = garment.positions().ok()?;
+    let first = *positions.first()?;
+    let [low, high] = positions.iter().fold([first; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
+    Some((high - low).max())
 }
 
 /// What to write where a body has the size that it has in another unit.

@@ -5,6 +5,7 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{BodyShape, PinTarget, Scene, SceneDescription, Timeline, is_possible};
 use drapery_core::simulation::FrameInput;
 use drapery_io::error::IoError;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::{InputMotion, Preroll};
 use drapery_io::wind_file::WindFile;
 
@@ -44,14 +45,19 @@ impl Inputs {
     }
 
     /// Problems of all frames of all inputs.
-    pub(super) fn check(&self, scene: &SceneDescription, last_frame: i64, warnings: &mut Vec<String>) -> Vec<Problem> {
+    pub(super) fn check(
+        &self,
+        (scene, garments): (&SceneDescription, &[GarmentMesh]),
+        last_frame: i64,
+        warnings: &mut Vec<String>,
+    ) -> Vec<Problem> {
         let span = Span { timeline: self.timeline, last_frame };
         let mut problems = Vec::new();
         for (body, motion) in scene.bodies.iter().zip(&self.bodies) {
             if let (BodyShape::Surface { triangles, point_count }, Some(motion)) = (&body.shape, motion) {
                 let surface = BodySurface { triangles, point_count: *point_count, faces_inwards: body.faces_inwards };
                 problems.extend(check_motion(motion, span, Some(surface), warnings));
-                problems.extend(check_size(motion, span, warnings));
+                problems.extend(check_size(motion, span, garments, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
             } else {
                 let place = format!("body \"{}\"", body.name);

@@ -112,7 +112,7 @@ impl Shot {
         let first_frame = if output.preroll { timeline.start } else { timeline.origin };
         let sub_frames = (output.sub_frames.clone(), first_frame);
         let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
-        let mut problems = inputs.check(&scene, last_frame, &mut warnings);
+        let mut problems = inputs.check((&scene, &garments), last_frame, &mut warnings);
         problems.extend(single_layer::problem(&output, [first_frame, last_frame], (&garments, &render_meshes)));
         let (check, body_thickness) = (description.check, description.body_thickness);
         let facts = Facts {

@@ -279,6 +279,47 @@ fn a_body_in_the_wrong_unit_is_recognised() {
 }
 
 #[test]
+fn a_small_body_is_accepted_where_it_fits_the_garments_and_doubted_with_both_sizes_elsewhere() {
+    // A tetrahedron this wide [m], 0.9 times as high, below a square of cloth this wide [m].
+    let sizes = |body: f32, cloth: f64, own_units: bool| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = body_file(folder.path(), &[1001, 1002, 1003], |_, points, _| {
+            points.iter_mut().flatten().for_each(|x| *x *= body);
+        });
+        let mut shot = over_body(folder.path(), &file).unwrap();
+        shot.bodies[0].as_mut().unwrap().own_units = own_units;
+        let mesh = &mut shot.scene.garments[0].mesh;
+        mesh.points.iter_mut().for_each(|p| *p = Vec3::new(p.x * cloth, body.into(), p.z * cloth));
+        shot.garments = vec![GarmentMesh::kept(MeshData::new(mesh.clone()))];
+        let found = Shot::prepare(shot, None).map_err(|error| error.to_string())?;
+        let warnings = found.warnings().iter().map(ToString::to_string);
+        Ok::<_, String>(warnings.filter(|warning| warning.contains("when read as")).collect::<Vec<_>>())
+    };
+    // A doll and its dress; a person.
+    assert_eq!(sizes(0.14, 0.12, false), Ok(vec![]));
+    assert_eq!(sizes(1.7, 1.2, false), Ok(vec![]));
+    // A hand under a table cloth may be meant; what it is compared with is there to see.
+    let warnings = sizes(0.14, 2.0, false).unwrap();
+    let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+    let parts = [
+        "body \"hero\"",
+        "0.140 m across when read as metres",
+        "the largest garment is 2.000 m across",
+        "units.length",
+    ];
+    parts.iter().for_each(|part| assert!(warning.contains(part), "{part}: {warning}"));
+    assert_eq!(sizes(0.14, 2.0, true), Ok(vec![]));
+    // A giant in a sail is doubted; one that is a person in centimetres is refused, whatever it wears.
+    assert!(sizes(25.0, 30.0, false).unwrap()[0].contains("25.000 m across"));
+    for cloth in [1.2, 120.0] {
+        let refused = sizes(172.0, cloth, false).unwrap_err();
+        let parts = ["looks like centimetres; set units.length = \"cm\"", &format!("is {cloth:.3} m across")];
+        parts.iter().for_each(|part| assert!(refused.contains(part), "{part}: {refused}"));
+        assert!(sizes(172.0, cloth, true).unwrap()[0].contains("looks like centimetres"));
+    }
+}
+
+#[test]
 fn several_problems_are_reported_at_once() {
     let text = problems_of(&[1001, 1002], |frame, points, _| {
         if frame == 1002 {

@@ -112,7 +112,7 @@ pub struct WorstVertex {
 /// How an array of a checkpoint differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DatasetDifference {
-    /// Section and array: `simulation/x`.
+    /// Section and array: `state/positions`.
     pub name: String,
     /// Number of values that differ.
     pub count: usize,

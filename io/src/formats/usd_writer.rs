@@ -275,7 +275,7 @@ impl UsdWriter {
 
     /// Makes sure that all files of the cache are there.
     fn check(&self) -> Result<(), IoError> {
-        self.lengths.iter().try_for_each(|(path, length)| written_file::check_closed(path, *length))
+        self.lengths.iter().try_for_each(|(path, length)| written_file::check(path, None, *length))
     }
 
     /// Writes a file beside its name and renames it.
@@ -322,7 +322,7 @@ impl CacheWriter for UsdWriter {
                 // All of them at checkpoints and at the end: there may be thousands.
                 let around = [self.path.clone(), folder.join(CacheLayer::TOPOLOGY)];
                 let known = around.iter().filter_map(|path| Some((path, self.lengths.get(path)?)));
-                known.into_iter().try_for_each(|(path, length)| written_file::check_closed(path, *length))?;
+                known.into_iter().try_for_each(|(path, length)| written_file::check(path, None, *length))?;
                 folder
             }
             Stage::Closed => panic!("no frame is written after an error"),

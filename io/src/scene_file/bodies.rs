@@ -126,7 +126,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let source = self.open_body(&here, file, pattern, body.units)?;
+        let source = self.open(&here, file, pattern, body.units)?;
         let first = self.mesh(&here, &source, Some(self.first_file_time()))?.mesh;
         let (triangles, _) = first.triangulate();
         let point_count = first.points.len();

@@ -40,7 +40,11 @@ impl Resolver<'_> {
             if written.iter().all(|(of, _)| of != absolute) {
                 let here = path.clone().key("absolute_maps").index(index);
                 let names: Vec<&str> = written.iter().map(|(of, _)| of.as_str()).collect();
-                self.error_with(&here, format!("there is no map of `{absolute}`"), suggestion(absolute, &names));
+                let help = match names.is_empty() {
+                    true => format!("write one: maps = {{ {absolute} = \"NAME\" }}"),
+                    false => suggestion(absolute, &names),
+                };
+                self.error_with(&here, format!("there is no map of `{absolute}`"), help);
             }
         }
         maps

@@ -2,7 +2,7 @@
 
 use super::raw::FileUnits;
 use super::resolve::{Resolver, written};
-use super::tree::Path;
+use super::tree::{Path, Segment};
 use crate::mesh_source::MeshSource;
 use crate::units::{self, InputUnits, Units};
 
@@ -17,29 +17,6 @@ fn height(source: &MeshSource) -> Option<f64> {
 }
 
 impl Resolver<'_> {
-    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
-    /// itself, or the scene for all files.
-    pub(super) fn open(
-        &mut self,
-        path: &Path,
-        file: &str,
-        pattern: Option<&str>,
-        own: Option<FileUnits>,
-    ) -> Option<MeshSource> {
-        self.open_mesh(path, (file, pattern), own, false)
-    }
-
-    /// The same of a body, whose size tells whether the file states its unit rightly.
-    pub(super) fn open_body(
-        &mut self,
-        path: &Path,
-        file: &str,
-        pattern: Option<&str>,
-        own: Option<FileUnits>,
-    ) -> Option<MeshSource> {
-        self.open_mesh(path, (file, pattern), own, true)
-    }
-
     /// A mesh whose file states another unit of length than the scene, in the one that is meant; says so in place of `warning`.
     fn in_meant_unit(
         &mut self,
@@ -67,12 +44,14 @@ impl Resolver<'_> {
         source.read_in(InputUnits { metres: general.length.metres(), up: read_in.up })
     }
 
-    fn open_mesh(
+    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
+    /// itself, or the scene for all files. The size of a body tells whether its file states its unit rightly.
+    pub(super) fn open(
         &mut self,
         path: &Path,
-        (file, pattern): (&str, Option<&str>),
+        file: &str,
+        pattern: Option<&str>,
         own: Option<FileUnits>,
-        is_body: bool,
     ) -> Option<MeshSource> {
         if let Some(mesh) = self.scene.meshes.named(file) {
             let mesh = self.of_file(path, mesh)?;
@@ -102,7 +81,10 @@ impl Resolver<'_> {
         };
         let stated = own.is_none() && source.states_length();
         let source = match general.filter(|general| stated && general.length.metres() != source.units().metres) {
-            Some(general) => self.in_meant_unit(source, general, is_body, &mut warning),
+            Some(general) => {
+                let is_body = matches!(path.0.first(), Some(Segment::Key(key)) if key == "body");
+                self.in_meant_unit(source, general, is_body, &mut warning)
+            }
             None => source,
         };
         for file in source.other_files() {

@@ -279,7 +279,10 @@ impl Resolver<'_> {
         let here = path.clone().key("to");
         let names: Vec<&str> = self.scene.document.body.iter().map(|b| b.name.as_str()).collect();
         let Some(body) = names.iter().position(|n| *n == name) else {
-            let help = suggestion(name, &names);
+            let help = match names.is_empty() {
+                true => "add it under [[body]]; a pin to = \"start\" needs none".to_owned(),
+                false => suggestion(name, &names),
+            };
             self.error_with(&here, format!("there is no body \"{name}\""), help);
             return None;
         };

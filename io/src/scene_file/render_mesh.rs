@@ -24,6 +24,10 @@ const OF_POINT: f64 = 400.0;
 /// Longest name of a garment with a render mesh [bytes]: that of its caches is longer.
 const LONGEST_NAME: usize = 235 - RENDER.len();
 
+/// What to do where parts are to stay rigid and the file names none.
+const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
+                            file again, or leave `rigid` out";
+
 /// Attributes that the moving normals take the place of.
 const NORMALS: [&str; 2] = ["N", "normals"];
 
@@ -114,7 +118,8 @@ impl Resolver<'_> {
             if faces.len() == before {
                 let names: Vec<&str> = data.face_sets.iter().map(|set| set.name.as_str()).collect();
                 let text = format!("the render mesh has no face set `{pattern}`");
-                self.error_with(&at, text, suggestion(pattern, &names));
+                let help = if names.is_empty() { NO_FACE_SETS.to_owned() } else { suggestion(pattern, &names) };
+                self.error_with(&at, text, help);
                 return None;
             }
         }
@@ -201,5 +206,20 @@ mod tests {
             let message = resolved(table, more).map(|_| ()).unwrap_err();
             assert!(message.contains(expected), "{message}");
         }
+    }
+
+    #[test]
+    fn a_render_mesh_without_face_sets_is_told_how_to_get_them() {
+        let without: String =
+            MESH.lines().filter(|line| !line.starts_with('g')).map(|line| format!("{line}\n")).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let scene = scene(folder.path(), "rigid = [\"button*\"]", "").unwrap();
+        fs::write(folder.path().join("fine.obj"), without).unwrap();
+        let message = scene.resolve().map(|_| ()).unwrap_err()[0].to_string();
+        assert!(
+            message.contains("has no face set `button*`") && message.contains("make a face set of each part"),
+            "{message}"
+        );
+        assert!(!message.contains("allowed here"), "{message}");
     }
 }

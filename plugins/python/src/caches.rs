@@ -35,6 +35,31 @@ impl Cache {
     }
 }
 
+/// A unit of length by its word; `name` is the argument that it is.
+pub(crate) fn length_of(name: &str, word: &str) -> PyResult<LengthUnit> {
+    LengthUnit::ALL.into_iter().find(|unit| unit.word() == word).ok_or_else(|| {
+        let known = LengthUnit::ALL.map(LengthUnit::word).join(", ");
+        usage(format!("`{name}` is {word:?}\n  help: give one of {known}"))
+    })
+}
+
+/// An up axis by its letter; `name` is the argument that it is.
+pub(crate) fn axis_of(name: &str, letter: &str) -> PyResult<UpAxis> {
+    match letter {
+        "Y" => Ok(UpAxis::Y),
+        "Z" => Ok(UpAxis::Z),
+        other => Err(usage(format!("`{name}` is {other:?}\n  help: give Y or Z"))),
+    }
+}
+
+/// The letter of an up axis.
+pub(crate) fn axis(up: UpAxis) -> &'static str {
+    match up {
+        UpAxis::Y => "Y",
+        UpAxis::Z => "Z",
+    }
+}
+
 /// The sample of a frame.
 fn sample_of(path: &Path, mesh: &CacheMesh, frame: i64) -> PyResult<usize> {
     mesh.frames.binary_search(&frame).map_err(|_| {
@@ -81,10 +106,11 @@ impl Cache {
         Ok(self.opened()?.fps())
     }
 
-    /// Unit and axis of the file, in words.
+    /// Unit of the file, if it is one that has a word, and its axis.
     #[getter]
-    fn units(&self) -> PyResult<String> {
-        Ok(self.opened()?.unit_in_words())
+    fn units(&self) -> PyResult<(Option<&'static str>, &'static str)> {
+        let units = self.opened()?.input_units();
+        Ok((units.named().map(LengthUnit::word), axis(units.up)))
     }
 
     fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -148,16 +174,7 @@ pub(crate) struct Plan<'py> {
 
 impl Plan<'_> {
     fn units(&self) -> PyResult<Units> {
-        let length = LengthUnit::ALL.into_iter().find(|unit| unit.word() == self.length).ok_or_else(|| {
-            let known = LengthUnit::ALL.map(LengthUnit::word).join(", ");
-            usage(format!("`length` is {:?}\n  help: give one of {known}", self.length))
-        })?;
-        let up = match self.up.as_str() {
-            "Y" => UpAxis::Y,
-            "Z" => UpAxis::Z,
-            other => return Err(usage(format!("`up` is {other:?}\n  help: give Y or Z"))),
-        };
-        Ok(Units { length, up })
+        Ok(Units { length: length_of("length", &self.length)?, up: axis_of("up", &self.up)? })
     }
 
     /// The mesh, whose faces and points fit each other.

@@ -17,13 +17,6 @@ use crate::errors::{in_use, raised, usage};
 use crate::on_thread::{Caller, on_thread};
 use crate::simulation::Simulation;
 
-/// The text of a scene file, from JSON.
-#[pyfunction]
-pub(crate) fn toml_of(json: &str) -> PyResult<String> {
-    let value: toml::Value = serde_json::from_str(json).map_err(|error| usage(error.to_string()))?;
-    toml::to_string(&value).map_err(|error| usage(error.to_string()))
-}
-
 /// A scene: where it comes from, and what is set in it. Nothing is simulated before somebody asks.
 #[pyclass(module = "drapery._native")]
 pub(crate) struct Scene {
@@ -60,6 +53,11 @@ impl Scene {
     #[getter]
     fn path(&self) -> Option<PathBuf> {
         self.source.path().map(PathBuf::from)
+    }
+
+    /// Every value of the scene as TOML; the files that it names are opened.
+    fn to_toml(&self, py: Python<'_>) -> PyResult<String> {
+        on_thread(py, |_| Ok(self.source.read()?.resolve()?.resolved))
     }
 
     fn set(&mut self, key: String, value: String) -> PyResult<()> {

@@ -33,7 +33,7 @@ def test_what_a_run_writes_is_what_a_simulation_has(tmp_path: Path, extension: s
     made.shot().run(tmp_path)
     cache, simulation = drapery.open_cache(tmp_path / f"sheet.{extension}"), made.simulate()
     mesh = cache.mesh
-    assert cache.fps == 24 and mesh.frames == [1, 2, 3, 4, 5, 6] and mesh.point_count == 25 and "metres" in cache.units
+    assert cache.fps == 24 and mesh.frames == [1, 2, 3, 4, 5, 6] and mesh.point_count == 25 and cache.units == ("m", "Y")
     assert np.array_equal(mesh.faces.corners, simulation.faces().corners) and mesh.triangles.shape == (32, 3)
     assert "frames 1 to 6" in repr(cache) and mesh.read().shape == (6, 25, 3)
     assert len(mesh) == 6 and 6 in mesh and 7 not in mesh and np.array_equal(mesh[6], mesh.positions(6))
@@ -63,6 +63,7 @@ def test_a_cache_that_is_written_is_read_back(tmp_path: Path, extension: str, le
     ) as writer:
         assert [writer.write(moved(frame), rates) for frame in (10, 11, 12)] == [10, 11, 12]
     mesh = drapery.open_cache(path).mesh
+    assert drapery.open_cache(path).units == drapery.Units(length, up)
     assert mesh.name == "/hero/heroShape" and mesh.frames == [10, 11, 12]
     assert drapery.open_cache(path).fps == pytest.approx(24000 / 1001)
     assert all(np.array_equal(positions, moved(frame)) for frame, positions in mesh)

@@ -13,7 +13,7 @@ import logging as _logging
 
 from ._analysis import Material, Study, StudyRow, Verification, materials, read_study, study, verify
 from ._arrays import Faces
-from ._caches import Cache, CacheMesh, CacheWriter, Uvs, open_cache
+from ._caches import Cache, CacheMesh, CacheWriter, Units, Uvs, open_cache
 from ._errors import (
     DraperyError,
     InputError,
@@ -24,19 +24,40 @@ from ._errors import (
     SolverError,
     UsageError,
 )
+from ._files import (
+    ArrayDifference,
+    Conversion,
+    Difference,
+    FileDifference,
+    FileInfo,
+    FrameDistance,
+    MeshInfo,
+    WorstVertex,
+    convert,
+    diff,
+    info,
+    report,
+)
 from ._native import State, __version__, set_threads
 from ._scene import Frame, Plan, Progress, Report, Scene, SceneWarning, Shot, Simulation
 
 __all__ = [
+    "ArrayDifference",
     "Cache",
     "CacheMesh",
     "CacheWriter",
+    "Conversion",
+    "Difference",
     "DraperyError",
     "Faces",
+    "FileDifference",
+    "FileInfo",
     "Frame",
+    "FrameDistance",
     "InputError",
     "InternalError",
     "Material",
+    "MeshInfo",
     "NoMemoryError",
     "OutputError",
     "Plan",
@@ -51,13 +72,19 @@ __all__ = [
     "State",
     "Study",
     "StudyRow",
+    "Units",
     "UsageError",
     "Uvs",
     "Verification",
+    "WorstVertex",
     "__version__",
+    "convert",
+    "diff",
+    "info",
     "materials",
     "open_cache",
     "read_study",
+    "report",
     "set_threads",
     "study",
     "verify",

@@ -90,7 +90,7 @@ def plain(value: Any, place: str = "") -> Any:
         return {str(key): plain(inner, f"{place}.{key}" if place else str(key)) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(inner, f"{place}[{number}]") for number, inner in enumerate(value)]
-    if isinstance(value, (str, bool, int)) or (isinstance(value, float) and math.isfinite(value)):
+    if isinstance(value, (str, bool, int)) or (isinstance(value, float) and not math.isnan(value)):
         return value
     what = repr(value) if isinstance(value, float) else f"of the type {type(value).__name__}"
-    raise UsageError(f"`{place}` is {what}\n  help: a scene holds texts, finite numbers, lists and tables; leave out what is not set")
+    raise UsageError(f"`{place}` is {what}\n  help: a scene holds texts, numbers, lists and tables; leave out what is not set")

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,15 @@ class Uvs(tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]):
     def indices(self) -> npt.NDArray[np.uint32]:
         """Value of each face corner, of the shape (corners,)."""
         return self[1]
+
+
+class Units(NamedTuple):
+    """Unit and axis of a file. What is read is in metres with Y up in any case."""
+
+    length: str | None
+    """Unit of length: ``mm``, ``cm``, ``in``, ``ft`` or ``m``; None for one of a stage that is none of these."""
+    up: str
+    """Axis that points up: ``Y`` or ``Z``."""
 
 
 class CacheMesh:
@@ -153,9 +162,9 @@ class Cache:
         return self._native.fps
 
     @property
-    def units(self) -> str:
-        """Unit and axis of the file, in words. What is read is in metres with Y up in any case."""
-        return self._native.units
+    def units(self) -> Units:
+        """Unit and axis of the file. What is read is in metres with Y up in any case."""
+        return Units(*self._native.units)
 
     def __getitem__(self, name: str) -> CacheMesh:
         """The mesh of this path, or the only one whose path ends with this name. Raises UsageError if there is none."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,7 +38,9 @@ def _inline(value: Any) -> str:
         return "{ " + ", ".join(f"{json.dumps(key)} = {_inline(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_inline, value)) + "]"
-    # Texts, numbers, `true` and `false` are the same in JSON.
+    if isinstance(value, float) and math.isinf(value):
+        return str(value)
+    # Texts, other numbers, `true` and `false` are the same in JSON.
     return json.dumps(value)
 
 
@@ -209,7 +212,7 @@ class Scene:
 
         Raises SceneError; its line is one of the text that the mappings are turned into.
         """
-        return Scene.parse(_native.toml_of(json.dumps(plain(content))), name, folder, settings, materials)
+        return Scene.parse(_native.toml_of(plain(content)), name, folder, settings, materials)
 
     @property
     def name(self) -> str:
@@ -220,6 +223,18 @@ class Scene:
     def path(self) -> Path | None:
         """The scene file, if it is of one."""
         return self._native.path
+
+    def to_toml(self) -> str:
+        """The whole scene as the text of a scene file, which ``parse`` takes: settings, parameters and defaults with their values, and
+        where each comes from, as in ``resolved.toml`` of a run. Files that it names are opened, and have absolute paths.
+
+        Raises SceneError or InputError with all that is wrong.
+        """
+        return self._native.to_toml()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as mappings, which ``from_dict`` takes. Raises what ``to_toml`` raises."""
+        return _native.content_of(self.to_toml())
 
     def set(self, key: str, value: Setting) -> None:
         """Sets a value, as ``--set KEY=VALUE`` does. Raises SceneError if there is no such key; nothing is set then."""
