@@ -489,11 +489,10 @@ fn way_of_the_left_end(ratio: &str) -> f64 {
     let settings = [("resolution", "5"), ("ratio", ratio), ("solver.preset", "production")];
     source.settings = settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
     let description = source.read().unwrap_or_else(|e| panic!("{e}")).resolve().unwrap_or_else(|e| panic!("{e:?}"));
-    let left: Vec<usize> = {
-        let points = &description.scene.garments[0].mesh.points;
-        (0..points.len()).filter(|vertex| points[*vertex].x < -0.2999).collect()
-    };
     let mut shot = SteppedShot::start(&Ranks::default(), description, 1).unwrap_or_else(|e| panic!("{e}"));
+    let start = positions(shot.simulation());
+    let end = start.iter().map(|x| x.x).fold(f64::INFINITY, f64::min);
+    let left: Vec<usize> = (0..start.len()).filter(|vertex| start[*vertex].x < end + 1e-6).collect();
     let mut height_after = |frames: usize| {
         for _ in 0..frames {
             shot.next_frame(&mut || false).unwrap_or_else(|e| panic!("{e}")).expect("no request to stop");

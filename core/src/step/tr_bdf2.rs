@@ -408,21 +408,22 @@ impl Stages<'_> {
         total
     }
 
-    /// Stops vertices whose slip has turned round in a stage, and catches those that have come back into the body that had let them go.
+    /// Stops vertices whose slip has turned round in a stage of B.1, and catches those that have come back into the body that had let
+    /// them go. In B.5 positions are given.
     fn turn(&mut self, stage: Stage, active: &mut ActiveSet) {
+        if stage == Stage::SecondAgain {
+            return;
+        }
         let (at, StageArrays { x, v, .. }) = (self.at, &mut *self.arrays);
         // A vertex that stops within the step may move back at its end. Its displacement says where Coulomb's law leaves it.
         let judges = if stage == Stage::Second { Judges::Positions } else { Judges::Velocities };
-        let (start, fraction, dt) = (&*at.start.x, stage.fraction(), at.dt);
-        let alpha = (stage != Stage::SecondAgain).then_some(ALPHA * dt);
-        let any = active.turn(&StageEnd { start, fraction, dt, alpha, judges }, x, v);
+        let (start, fraction) = (&*at.start.x, stage.fraction());
+        let any = active.turn(&StageEnd { start, fraction, dt: at.dt, alpha: ALPHA * at.dt, judges }, x, v);
         if at.parts.ranks().any(any) {
             // Pins decide where both hold.
             let prescription = at.with(active);
             prescription.set_velocities(v, |_, _| ());
-            if alpha.is_some() {
-                prescription.set_positions(fraction, start, x);
-            }
+            prescription.set_positions(fraction, start, x);
         }
     }
 

@@ -223,19 +223,15 @@ impl ActiveContact {
                 (slid.dot(&against) > 0.0).then_some(ContactMode::Sticks)
             }
             ContactMode::Slips(against) => ((*v - body).dot(&against) > 0.0).then_some(ContactMode::Stops),
-            ContactMode::Free => {
-                (at.alpha.is_some() && self.is_inside(x, start, at.fraction)).then_some(ContactMode::Stops)
-            }
+            ContactMode::Free => self.is_inside(x, start, at.fraction).then_some(ContactMode::Stops),
             ContactMode::Sticks | ContactMode::Stops => None,
         };
         let Some(mode) = mode else { return false };
         let change = body - *v;
         (self.mode, self.applied, self.turned) = (mode, Vec3::zeros(), Some(change));
         *v = body;
-        if let Some(alpha) = at.alpha {
-            *x += change * alpha;
-            self.prescribe_position(x, start, at.fraction);
-        }
+        *x += change * at.alpha;
+        self.prescribe_position(x, start, at.fraction);
         true
     }
 
@@ -318,8 +314,8 @@ pub(crate) struct StageEnd<'a> {
     pub fraction: f64,
     /// Length of the step [s].
     pub dt: f64,
-    /// What velocities weigh in positions [s]; `None` where these are given.
-    pub alpha: Option<f64>,
+    /// Weight of velocities in positions [s].
+    pub alpha: f64,
     /// What shows that a slip has turned round.
     pub judges: Judges,
 }
