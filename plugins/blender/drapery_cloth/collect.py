@@ -7,7 +7,7 @@ import bpy
 from .answers import Problem
 from .fabrics import FABRICS
 from .pictures import OTHER
-from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Shot, frame_rate, names_taken_twice, plain_name, scene_text
+from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Seam, Shot, frame_rate, names_taken_twice, plain_name, scene_text
 from .settings import DEFORMING
 
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
@@ -70,7 +70,10 @@ def upright(vector):
 
 
 class Collected:
-    """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both."""
+    """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both.
+
+    The job is None, and there is no text, where there are problems.
+    """
 
     def __init__(self, scene):
         self.scene = scene
@@ -78,7 +81,7 @@ class Collected:
         self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
         self.problems = []
         self.look()
-        self.text = self.job = None
+        self.job = self.parts = None
         if not self.problems:
             self.describe()
 
@@ -111,6 +114,7 @@ class Collected:
                 self.say(f'"{thing.name}" has no faces', "only surfaces are simulated: fill the edges with faces, or unmark it", thing)
         for thing in self.garments:
             self.look_at(thing)
+        self.look_at_seams()
 
     def look_at(self, thing):
         own = thing.drapery
@@ -148,6 +152,34 @@ class Collected:
         elif others:
             self.say(f'"{thing.name}" and "{others[0].name}" have the same render mesh, "{mesh.name}"', "make a copy for one of them", thing)
 
+    def look_at_seams(self):
+        sewn = set()
+        for thing in self.garments:
+            for seam in thing.drapery.seams:
+                sides = frozenset(((thing, seam.group), (seam.other, seam.other_group)))
+                self.look_at_seam(thing, seam, sides in sewn)
+                sewn.add(sides)
+
+    def look_at_seam(self, thing, seam, again):
+        own, other = seam.group, seam.other
+        what = f'"{thing.name}": the seam of its group "{own}"'
+        if not own:
+            self.say(f'"{thing.name}": a seam has no vertex group', "choose one, or remove the seam", thing)
+        elif other is None:
+            self.say(f"{what} leads to no garment", "choose the one that it is sewn to, or remove the seam", thing)
+        elif other not in self.garments:
+            self.say(f'{what} leads to "{other.name}", which is not a garment of this scene', "mark it as one, choose another, or remove "
+                     "the seam", thing)
+        elif not seam.other_group:
+            self.say(f'{what} leads to no vertex group of "{other.name}"', "choose one, or remove the seam", thing)
+        elif (thing, own) == (other, seam.other_group):
+            self.say(f"{what} leads to the same group", "choose another group, or another garment", thing)
+        elif again:
+            self.say(f'{what} to "{seam.other_group}" of "{other.name}" is there twice', "remove one of them", thing)
+        if seam.own_closing and seam.closed < seam.start:
+            self.say(f"{what} is closed at frame {seam.closed}, before it starts to close at frame {seam.start}",
+                     "choose a later frame, or the same one for a seam that closes at once", thing)
+
     def look_at_levels(self, thing):
         for modifier in list(thing.modifiers)[: division(thing)]:
             if modifier.type in DEFORMING:
@@ -174,10 +206,17 @@ class Collected:
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
             "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [], "render_meshes": [],
+            "seams": [],
         }  # fmt: skip
         bodies = [self.body(thing, rest_frame != first) for thing in self.bodies]
         garments = [self.garment(thing) for thing in self.garments]
-        self.text = scene_text(shot, bodies, garments)
+        seams = [self.seam(thing, seam, first, rate) for thing in self.garments for seam in thing.drapery.seams]
+        self.parts = shot, bodies, garments, seams
+
+    def text(self, sewn):
+        """The scene file; `sewn` is what the export says of the seams: the vertices of both sides of each."""
+        *others, seams = self.parts
+        return scene_text(*others, zip(seams, sewn))
 
     def body(self, thing, rest):
         own, name = thing.drapery, plain_name(thing.name)
@@ -210,6 +249,13 @@ class Collected:
             garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
         self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})
         return garment
+
+    def seam(self, thing, seam, first, rate):
+        sides = (thing, seam.group), (seam.other, seam.other_group)
+        nearest = seam.pairing == "NEAREST"
+        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "nearest": nearest})
+        times = [float((frame - first) / rate) for frame in (seam.start, seam.closed)] if seam.own_closing else [None, None]
+        return Seam(tuple(plain_name(side.name) for side, _ in sides), nearest, seam.stiffness, *times)
 
     def render_mesh(self, mesh, name, rigid):
         # As of a garment: deforming modifiers at the top shape it at rest, all others follow.

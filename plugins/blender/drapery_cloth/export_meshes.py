@@ -17,6 +17,10 @@ from pathlib import Path
 
 import bpy
 
+# A script of Blender's is not looked for beside itself.
+sys.path.insert(0, str(Path(__file__).parent))
+import sewing  # noqa: E402 isort: skip
+
 # What the meshes held when they were written, by file. Blender's archives of equal meshes differ in their bytes, by more than
 # the date, and a run whose inputs have other bytes is refused as changed: a file whose content is the same stays.
 CONTENT = "meshes/content.json"
@@ -160,6 +164,12 @@ def weights_of(thing, source, name):
     return [total / count if count else 0.0 for total, count in zip(sums, counts)]
 
 
+def places_of(thing):
+    """Where the vertices of an object are in the world."""
+    shown = evaluated(thing)
+    return [tuple(shown.matrix_world @ vertex.co) for vertex in shown.data.vertices]
+
+
 class Export:
     """One job; what is wrong with it is in `problems` at its end."""
 
@@ -167,6 +177,8 @@ class Export:
         self.job = job
         self.folder = Path(job["folder"])
         self.problems = []
+        # Of each seam, the vertices of both sides.
+        self.seams = []
         self.things = objects_by_name()
         try:
             self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
@@ -243,6 +255,79 @@ class Export:
             self.problems.append(problem(f'{painted["file"]} could not be written: {error.strerror}',
                                          "make room on the disk, or choose another folder", name))
 
+    def seam(self, seam):
+        sides = [(self.things.get(name), group) for name, group in seam["sides"]]
+        # What is missing has been named as a garment.
+        if any(thing is None for thing, _ in sides):
+            return
+        chosen = [self.sewn(thing, group) for thing, group in sides]
+        if None in chosen:
+            return
+        pair = self.nearest if seam["nearest"] else self.along_edges
+        self.seams.append(pair(sides, chosen))
+
+    def sewn(self, thing, group):
+        """The vertices of one side; None, with a problem, where there are none."""
+        try:
+            found = [index for index, weight in enumerate(weights_of(thing, "GROUP", group)) if weight > 0.5]
+        except KeyError:
+            self.problems.append(problem(f'"{thing.name}" has no vertex group "{group}", which a seam sews', "choose one that is there, "
+                                         "or remove the seam", thing.name))
+            return None
+        if not found:
+            self.problems.append(problem(f'"{thing.name}": no vertex of vertex group "{group}" is above one half, so that a seam sews '
+                                         "nothing", "paint the vertices that are sewn with more than 0.5", thing.name))
+            return None
+        return found
+
+    def nearest(self, sides, chosen):
+        """As they are: the solver finds the nearest ones."""
+        (thing, group), (other, other_group) = sides
+        shared = sorted(set(chosen[0]) & set(chosen[1])) if thing == other else []
+        if shared:
+            self.problems.append(problem(f'"{thing.name}": vertex {shared[0]} is in both groups of a seam, "{group}" and "{other_group}", '
+                                         "and would be sewn to itself", "take it out of one of them", thing.name, None, shared[0]))
+        return chosen
+
+    def along_edges(self, sides, chosen):
+        """The vertices of both sides in the order in which they are sewn."""
+        lines = [self.line(thing, group, vertices) for (thing, group), vertices in zip(sides, chosen)]
+        if None in lines:
+            return None
+        ((thing, group), (other, other_group)), ((first, ring), (second, other_ring)) = sides, lines
+        what = f'the seam of "{group}" of "{thing.name}" to "{other_group}" of "{other.name}"'
+        help = "choose Pairs: Nearest, which sews several vertices to one"
+        if len(first) != len(second):
+            self.problems.append(problem(f"{what} has {len(first)} vertices on one side, {len(second)} on the other",
+                                         f"give both the same number, or {help}", thing.name))
+            return None
+        if ring != other_ring:
+            self.problems.append(problem(f"{what} has a ring on one side, and a line with two ends on the other",
+                                         f"take a vertex of the ring out of its group, or {help}", thing.name))
+            return None
+        second = sewing.closest_order(first, places_of(thing), second, places_of(other), ring)
+        # At the tip of a dart both sides end in one vertex.
+        pairs = [(a, b) for a, b in zip(first, second) if (thing, a) != (other, b)]
+        if not pairs:
+            self.problems.append(problem(f"{what} has the same vertices on both sides", "choose another group", thing.name))
+        return [[a for a, _ in pairs], [b for _, b in pairs]]
+
+    def line(self, thing, group, vertices):
+        mesh = evaluated(thing).data
+        faces = {}
+        for polygon in mesh.polygons:
+            for key in polygon.edge_keys:
+                faces[key] = faces.get(key, 0) + 1
+        edges = [tuple(edge.key) for edge in mesh.edges]
+        try:
+            return sewing.line_of(vertices, [key for key in edges if faces.get(key, 0) < 2], edges)
+        except sewing.NoLine as error:
+            self.problems.append(problem(
+                f'"{thing.name}": vertex group "{group}", which a seam sews along the edges, is no single line of edges: {error}',
+                "keep one line of vertices in it, with a seam of its own for each piece, or choose Pairs: Nearest", thing.name, None,
+                error.vertex))
+            return None
+
     def body(self, body):
         thing = self.find(body["object"])
         if thing is None:
@@ -278,6 +363,8 @@ class Export:
             self.body(body)
         for garment in self.job["garments"] + self.job["render_meshes"]:
             self.garment(garment)
+        for seam in self.job["seams"]:
+            self.seam(seam)
         put(self.folder / CONTENT, json.dumps(self.digests, indent=1, sort_keys=True).encode())
 
 
@@ -288,7 +375,7 @@ def main():
         bpy.ops.wm.open_mainfile(filepath=arguments[1])
     export = Export(job)
     export.run()
-    Path(job["answer"]).write_text(json.dumps({"problems": export.problems}), "utf-8")
+    Path(job["answer"]).write_text(json.dumps({"problems": export.problems, "seams": export.seams}), "utf-8")
 
 
 main()

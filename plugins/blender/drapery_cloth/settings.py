@@ -48,6 +48,10 @@ def is_render_mesh(own, thing):
     return thing.type == "MESH" and thing.drapery.role == "NONE"
 
 
+def is_garment(seam, thing):
+    return thing.type == "MESH" and thing.drapery.role == "GARMENT"
+
+
 def fabric_entries(self, context):
     return state.pictures().fabric_entries()
 
@@ -63,6 +67,29 @@ class DraperyPin(bpy.types.PropertyGroup):
     body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_body,
                           description="Which body; left empty, the first one (of springs: none)")
     stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
+
+
+class DraperySeam(bpy.types.PropertyGroup):
+    """Vertices of a garment that are sewn to others, of this garment or of another one."""
+
+    group: StringProperty(name="Vertex Group", description="Vertices of this garment with a weight above one half are sewn")
+    other: PointerProperty(name="To", type=bpy.types.Object, poll=is_garment,
+                           description="The garment on the other side; this one itself, to sew two of its own groups together")
+    other_group: StringProperty(name="Its Group", description="Vertices of the other side: those with a weight above one half")
+    pairing: EnumProperty(
+        name="Pairs", default="LINE",
+        items=[("LINE", "Along the Edges", "Each group is a single line of edges, or a ring, and both have the same number of vertices. "
+                "They are sewn one by one from end to end; of the two directions (and the starts of a ring) the one that brings the "
+                "sides closest where they start"),
+               ("NEAREST", "Nearest", "Each vertex of this group to the vertex of the other one that is nearest where they start. "
+                "Several may meet in one, and vertices of the other side may stay free: begin with the group that has more")])
+    stiffness: FloatProperty(name="Stiffness (N/m)", default=400.0, min=1e-3, max=1e7,
+                             description="Of each pair of vertices; a seam that is pulled opens by force over stiffness")
+    own_closing: BoolProperty(name="Closing Frames", description="Off: the gaps close evenly from the start of the simulation to the "
+                              "first frame, or over one second if there is no pre-roll")
+    start: IntProperty(name="From", default=1, description="Frame at which the gaps begin to close; before the first frame is the pre-roll")
+    closed: IntProperty(name="Closed At", default=25, description="Frame from which the gaps are closed; the same as the one before closes "
+                        "them at once")
 
 
 class DraperyMap(bpy.types.PropertyGroup):
@@ -105,6 +132,7 @@ class DraperyObject(bpy.types.PropertyGroup):
     rigid: StringProperty(name="Rigid", description="Materials of the render mesh whose pieces do not bend, with commas between "
                           "them: button*, buckle")
     pins: CollectionProperty(type=DraperyPin)
+    seams: CollectionProperty(type=DraperySeam)
     maps: CollectionProperty(type=DraperyMap)
     own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
     friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
@@ -163,7 +191,7 @@ class DraperyPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "exporter")
 
 
-CLASSES = (DraperyPin, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+CLASSES = (DraperyPin, DraperySeam, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
 # What gets a property `drapery`, and of which kind.
 PROPERTIES = ((bpy.types.Object, DraperyObject), (bpy.types.Scene, DraperyScene))
 

@@ -335,7 +335,8 @@ def write(scene, view):
             tail = [line for line in (done.output + done.errors).splitlines() if line.strip()][-1:]
             raise Failed(Problem(f"Blender in the background ended with code {done.code}: {' '.join(tail)}",
                                  "save the file, open it again and try once more"))
-        found = json.loads(answer.read_text("utf-8"))["problems"]
+        answered = json.loads(answer.read_text("utf-8"))
+        found = answered["problems"]
         if found:
             raise Failed(*(Problem(**(each | {"object": each["object"] and plain_name(each["object"])})) for each in found))
     finally:
@@ -343,7 +344,7 @@ def write(scene, view):
             exporting.end()
         shutil.rmtree(between, ignore_errors=True)
     beside = folder / (SCENE_FILE + ".part")
-    beside.write_text(collected.text, "utf-8")
+    beside.write_text(collected.text(answered["seams"]), "utf-8")
     os.replace(beside, folder / SCENE_FILE)
     return collected
 
