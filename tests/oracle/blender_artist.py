@@ -15,6 +15,9 @@ from pathlib import Path
 
 import bpy
 
+# The module of Blender brings it.
+import bmesh  # isort: skip
+
 ACT, FOLDER, ZIP, DRAPERY, EXPORTER = sys.argv[sys.argv.index("--") + 1 :]
 FOLDER = Path(FOLDER)
 EXTENSIONS = bpy.app.version >= (4, 2, 0)
@@ -29,6 +32,10 @@ def install():
     else:
         bpy.ops.preferences.addon_install(filepath=ZIP)
         bpy.ops.preferences.addon_enable(module=MODULE)
+    set_preferences()
+
+
+def set_preferences():
     preferences = bpy.context.preferences.addons[MODULE].preferences
     preferences.executable, preferences.exporter = DRAPERY, "" if EXPORTER == "none" else EXPORTER
 
@@ -280,6 +287,231 @@ def panel_tube(name, bottom, turned=0, around=20, rows=4):
     group(thing, "lower", range(around))
     group(thing, "upper", range(rows * around, (rows + 1) * around))
     return thing
+
+
+def world(thing, frame):
+    """Where the vertices of an object are at a frame, as evaluated."""
+    bpy.context.scene.frame_set(frame)
+    shown = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return [list(shown.matrix_world @ vertex.co) for vertex in shown.data.vertices]
+
+
+def ball(name, centre, radius=0.3):
+    mesh = bpy.data.meshes.new(name)
+    rounded = bmesh.new()
+    bmesh.ops.create_uvsphere(rounded, u_segments=16, v_segments=8, radius=radius)
+    rounded.to_mesh(mesh)
+    rounded.free()
+    thing = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.location = centre
+    return thing
+
+
+def collection(name, thing):
+    """A collection that has an object alone."""
+    found = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(found)
+    found.objects.link(thing)
+    bpy.context.scene.collection.objects.unlink(thing)
+    return found
+
+
+def odd_garments():
+    """Garments that are mirrored, sheared, stretched, of one mesh, with shape keys, by name."""
+    mirrored = panel('a/b "c" $ 日本', (0, 0, 1))
+    mirrored.scale = (-1, 1, 1)
+    empty = bpy.data.objects.new("empty", None)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.scale = (3, -1, 0.4)
+    sheared = panel("sheared", (0, 1, 1))
+    sheared.parent, sheared.rotation_euler = empty, (0.5, 0.4, 0.3)
+    plain = panel("plain", (0, 2, 1))
+    twin = plain.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    twin.name, twin.location, twin.scale = "twin", (2, 2, 0), (2, 0.5, 1.5)
+    keyed = panel("keyed", (0, 4, 1))
+    keyed.shape_key_add(name="Basis")
+    wide = keyed.shape_key_add(name="wide")
+    for entry in wide.data:
+        entry.co.x *= 1.5
+    wide.value = 0.5
+    return [mirrored, sheared, plain, twin, keyed, panel("hidden", (0, 5, 1)), panel("edited", (0, 6, 1))]
+
+
+def odd_scene():
+    """A file with all that is unusual and allowed: one simulation of it, and the caches on the objects."""
+    answer = {}
+    scene, first, last = shot(), -3, 2
+    scene.render.fps, scene.render.fps_base, scene.frame_step = 30, 1.001, 2
+    scene.drapery.own_range, scene.drapery.first, scene.drapery.last = True, first, last
+    scene.drapery.folder = ""
+    things = odd_garments()
+    mark("GARMENT", *things)
+    hidden, edited = things[-2:]
+    # Below the plain one, inside out by its scale, and hidden while it moves.
+    body = ball("ball", (0.0, 2.0, 0.65))
+    body.scale = (1, -1, 1)
+    mark("BODY", body)
+    body.keyframe_insert("location", frame=first)
+    body.location.x += 0.05
+    body.keyframe_insert("location", frame=last)
+    for path in ("hide_render", "hide_viewport"):
+        for frame, value in ((first, False), (0, True)):
+            setattr(body, path, value)
+            body.keyframe_insert(path, frame=frame)
+    answer["starts"] = {part("scene_text").plain_name(thing.name): world(thing, first) for thing in things}
+    hidden.hide_set(True)
+    collection("hidden", hidden).hide_viewport = True
+    chosen(edited)
+    bpy.ops.object.mode_set(mode="EDIT")
+    mesh = bmesh.from_edit_mesh(edited.data)
+    mesh.verts.ensure_lookup_table()
+    mesh.verts[3].co.y += 0.01
+    bmesh.update_edit_mesh(edited.data)
+    answer["starts"]["edited"][3][1] += 0.01
+    place = FOLDER / 'pa th $x "q" #1 ü %20'
+    place.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(place / "sh ot$.blend"))
+    answer["simulated"], answer["mode"] = press("simulate"), bpy.context.mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    answer["run"] = str(part("collect").run_folder(scene))
+    if bpy.app.build_options.alembic:
+        answer["loaded"] = sorted(bpy.ops.scene.drapery_load())
+        bpy.data.collections["hidden"].hide_viewport = False
+        hidden.hide_set(False)
+        answer["shown"] = {part("scene_text").plain_name(thing.name): [world(thing, frame) for frame in range(first, last + 1)]
+                           for thing in things}
+    return answer
+
+
+def hidden_bodies():
+    """Whatever hides a body, it is collided with, unless the view layer does not have it."""
+    answer = {}
+    shot()
+    body = ball("body", (0, 1, 1))
+    mark("BODY", body)
+    mark("GARMENT", panel("cloth"))
+    save()
+    holder = collection("holder", body)
+    layer = bpy.context.view_layer.layer_collection.children["holder"]
+    for what, key in ((holder, "hide_viewport"), (holder, "hide_render"), (holder, "hide_select"), (layer, "hide_viewport"),
+                      (body, "hide_render"), (body, "hide_viewport"), (layer, "exclude")):  # fmt: skip
+        setattr(what, key, True)
+        answer[f"{type(what).__name__}.{key}"] = press("check")
+        setattr(what, key, False)
+    return answer
+
+
+def warned():
+    """What is said and does not stop, or stops, of modifiers, time and sizes."""
+    answer = {}
+    scene = shot()
+    cloth = panel("cloth")
+    mark("GARMENT", cloth)
+    save()
+    cloth.modifiers.new("Mirror", "MIRROR")
+    answer["mirror"] = press("check")
+    cloth.drapery.simulated = "ALL"
+    answer["mirror_too"] = press("check")
+    cloth.modifiers.clear()
+    scene.render.frame_map_new = 200
+    answer["stretched"] = press("check")
+    scene.render.frame_map_new = 100
+    cup = ball("cup", (0, 1, 1), 0.07)
+    mark("BODY", cup)
+    answer["cup"] = press("check")
+    # Centimetres at a unit scale of 1: clothes and all are giants.
+    for thing in (cloth, cup):
+        thing.scale = (800, 800, 800)
+    answer["giant"] = press("check")
+    return answer
+
+
+def overrides():
+    """A library's character is overridden and marked; saved and opened again and again."""
+    answer = {}
+    shot()
+    cloth = panel("cloth")
+    mark("GARMENT", cloth)
+    bpy.ops.object.drapery_pin_add()
+    cloth.drapery.pins[0].group, cloth.drapery.pins[0].hold = "top", "FIXED"
+    ball("body", (0, 1, 1))
+    save("library.blend")
+    bpy.ops.wm.read_homefile(use_empty=True)
+    set_preferences()
+    shot(1, 3)
+    save()
+    with bpy.data.libraries.load(str(FOLDER / "library.blend"), link=True, relative=True) as (_, linked):
+        linked.objects = ["cloth", "body"]
+    for name in ("cloth", "body"):
+        bpy.context.scene.collection.objects.link(bpy.data.objects[name])
+        bpy.data.objects[name].override_create(remap_local_usages=True)
+    cloth, body = local("cloth"), local("body")
+    mark("BODY", body)
+    chosen(cloth)
+    bpy.ops.object.drapery_pin_add()
+    pin = cloth.drapery.pins[1]
+    pin.group, pin.hold, pin.body, pin.stiffness = "left", "SPRING", body, 50.0
+    sew(cloth, "left", cloth, "right", pairing="NEAREST", stiffness=123.0)
+    bpy.ops.object.drapery_map_add()
+    cloth.drapery.maps[0].name = "top"
+    cloth.drapery.fabric = "canvas"
+    try:
+        answer["linked_row"] = sorted(bpy.ops.object.drapery_remove(rows="pins", index=0))
+    except RuntimeError as error:
+        answer["linked_row"] = str(error)
+    answer["kept"] = []
+    for _ in range(3):
+        bpy.ops.wm.save_mainfile()
+        bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "shot.blend"))
+        own = local("cloth").drapery
+        answer["kept"].append([local("body").drapery.role, own.role, own.fabric, [[pin.group, pin.body and pin.body.name] for pin in own.pins],
+                               rows_of(local("cloth")), own.seams[0].stiffness, own.maps[0].name])  # fmt: skip
+    own.maps.clear()
+    answer["simulated"] = press("simulate")
+    return answer
+
+
+def local(name):
+    return next(thing for thing in bpy.data.objects if thing.name == name and thing.library is None)
+
+
+def names():
+    """The file or the scene gets another name while it is simulated; Undo while it is written and simulated."""
+    answer = {}
+    shot(1, 100)
+    mark("GARMENT", panel("cloth", columns=40, rows=40))
+    bpy.context.scene.drapery.folder = ""
+    save()
+    undo_step("before")
+    bpy.data.objects["cloth"].drapery.fabric = "canvas"
+    undo_step("fabric")
+    # Without a window the operator would wait for all but the simulation.
+    live, tasks, scene = part("state").work(), part("work"), bpy.context.scene
+    live.start(scene, tasks.simulate_task(scene, view()))
+    bpy.ops.ed.undo()
+    answer["undone"] = bpy.data.objects["cloth"].drapery.fabric
+    running = lambda: view().status is not None and view().status.running  # noqa: E731
+    live.wait(lambda: running() or not (live.busy or live.watched))
+    answer["runs"] = running()
+    save("other.blend")
+    answer["saved_as"] = followed(live)
+    save()
+    answer["saved_back"] = followed(live)
+    bpy.context.scene.name = "Renamed"
+    answer["renamed"] = followed(live)
+    bpy.context.scene.name = "Scene"
+    answer["named_back"] = followed(live)
+    answer["cancelled"] = [sorted(bpy.ops.scene.drapery_cancel(wait=True)), view().status.state]
+    return answer
+
+
+def followed(live):
+    """What the panel shows once it has looked: state and lines, and whether Cancel can be pressed."""
+    live.follow(bpy.context.scene)
+    live.tick()
+    return [bpy.ops.scene.drapery_cancel.poll(), view().status and view().status.state, view().lines]
 
 
 def main():

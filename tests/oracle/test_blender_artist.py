@@ -153,3 +153,72 @@ def test_darts_and_rings_are_sewn_in_order(act):
     gaps = np.linalg.norm(low[:, 80:100] - high[:, [(i - 5) % 20 for i in range(20)]], axis=-1)
     np.testing.assert_allclose(gaps[0], 0.1, atol=1e-5)
     assert gaps[-1].max() < 2e-3
+
+
+def z_up(vectors):
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+def test_odd_objects_are_simulated_where_they_are_and_shown_where_their_caches_are(act):
+    # Mirrored, sheared by a parent, stretched, of one mesh, with shape keys, hidden, in Edit Mode; frames below zero, 29.97 a second, every
+    # second one played, in a folder of odd letters.
+    _, saw = act("odd_scene")
+    assert saw["simulated"] == ["FINISHED"] and saw["mode"] == "EDIT_MESH"
+    assert sorted(saw["starts"]) == sorted(["a_b__c_____", "sheared", "plain", "twin", "keyed", "hidden", "edited"])
+    for name, start in saw["starts"].items():
+        cache = z_up(official(f"{saw['run']}/{name}.abc")["world_positions"])
+        assert len(cache) == 6
+        np.testing.assert_allclose(cache[0], start, atol=1e-6, err_msg=name)
+        if "shown" in saw:
+            np.testing.assert_allclose(saw["shown"][name], cache, atol=1e-6, err_msg=name)
+    assert saw.get("loaded", ["FINISHED"]) == ["FINISHED"]
+    # The body, which is inside out by its scale and hidden from the middle on, holds the cloth above it; others fall by g t² / 2.
+    time = 5 * 1001 / 30000
+    plain, hidden = (z_up(official(f"{saw['run']}/{name}.abc")["world_positions"]) for name in ("plain", "hidden"))
+    fallen = hidden[0, 0, 2] - hidden[-1, 0, 2]
+    assert abs(fallen - 0.5 * 9.81 * time**2) < 0.1 * fallen
+    assert plain[0, 0, 2] - plain[-1, 0, 2] < 0.9 * fallen
+
+
+@pytest.mark.parametrize("hidden", ["Collection.hide_viewport", "Collection.hide_render", "Collection.hide_select",
+                                    "LayerCollection.hide_viewport", "Object.hide_render", "Object.hide_viewport"])  # fmt: skip
+def test_hidden_bodies_are_collided_with(act, hidden):
+    _, saw = act("hidden_bodies")
+    assert saw[hidden] == ["FINISHED"]
+
+
+def test_an_excluded_body_is_named_with_what_to_do(act):
+    _, saw = act("hidden_bodies")
+    result, said = saw["LayerCollection.exclude"]
+    assert result == "CANCELLED" and "in one that is excluded|include its collection (the check box in the Outliner)" in said
+
+
+def test_mirrors_and_stretched_time_are_named(act):
+    _, saw = act("warned")
+    result, said = saw["mirror"]
+    assert result == "FINISHED" and '"cloth": Mirror comes after the simulated mesh, so that one half is cloth' in said
+    assert saw["mirror_too"] == ["FINISHED"]
+    assert saw["stretched"][0] == "CANCELLED" and "Time Stretching is 100 to 200" in saw["stretched"][1]
+
+
+def test_a_cup_is_a_body_and_a_scene_in_a_wrong_unit_is_refused(act):
+    _, saw = act("warned")
+    assert saw["cup"][0] == "FINISHED"
+    assert saw["giant"][0] == "CANCELLED" and "looks like centimetres" in saw["giant"][1]
+
+
+def test_what_is_set_on_an_override_is_kept(act):
+    _, saw = act("overrides")
+    kept = ["BODY", "GARMENT", "canvas", [["top", None], ["left", "body"]], [["left", "cloth", "right"]], 123.0, "top"]
+    assert saw["kept"] == [kept] * 3
+    assert "comes from the linked file; remove it there" in saw["linked_row"] and saw["simulated"][0] == "FINISHED"
+
+
+def test_a_file_or_scene_with_another_name_says_where_its_simulation_goes_on(act):
+    _, saw = act("names")
+    assert saw["undone"] == "cotton_shirting" and saw["runs"]
+    for when, back in (("saved_as", "saved_back"), ("renamed", "named_back")):
+        can_cancel, state, (line,) = saw[when]
+        assert not can_cancel and state is None and "shot/Scene/out/Scene goes on. Its scene or folder has another name now" in line
+        assert saw[back] == [True, "running", []]
+    assert saw["cancelled"] == [["FINISHED"], "stopped"]

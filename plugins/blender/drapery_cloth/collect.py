@@ -13,6 +13,10 @@ from .settings import DEFORMING
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
 CACHE = "Drapery Cache"
 CONSTRAINTS = ("Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location")
+# Sizes in metres of which the solver asks nothing, and of clothes. Where clothes have them, the unit of length is right, and a cup or a
+# ship is as large as it is meant.
+OF_BODIES, OF_GARMENTS = (0.21, 19.0), (0.03, 19.0)
+
 
 
 def marked(scene, role):
@@ -56,6 +60,10 @@ def run_folder(scene):
     return folder and folder / "out" / shot_name(scene)
 
 
+def within(number, span):
+    return span[0] <= number <= span[1]
+
+
 def largest_strain(own):
     """How far a garment stretches, as a share of its length; None where a material of the studio alone knows."""
     if own.own_strain:
@@ -72,14 +80,14 @@ def upright(vector):
 class Collected:
     """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both.
 
-    The job is None, and there is no text, where there are problems.
+    The job is None, and there is no text, where there are problems. `warnings` prevent nothing.
     """
 
     def __init__(self, scene):
         self.scene = scene
         self.folder = scene_folder(scene)
         self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
-        self.problems = []
+        self.problems, self.warnings = [], []
         self.look()
         self.job = self.parts = None
         if not self.problems:
@@ -97,6 +105,10 @@ class Collected:
             self.say("No object is marked as a garment", "select a mesh and choose Garment under Object")
         if last < first:
             self.say(f"The frame range ends before it starts: {first} to {last}", "choose an end after the start")
+        stretch = self.scene.render
+        if stretch.frame_map_old != stretch.frame_map_new:
+            self.say(f"Time Stretching is {stretch.frame_map_old} to {stretch.frame_map_new}: the cache would be shown at other frames than "
+                     "it was simulated for", "set both to 100 under Output > Frame Range")
         if own.blend and not own.own_rest:
             self.say("Blend frames lead from the rest frame to the first", "choose a rest frame, or set Blend to 0")
         if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
@@ -110,6 +122,8 @@ class Collected:
                 self.say(f"{len(group)} {what} would have one name, {plain_name(group[0])}: " + ", ".join(f'"{name}"' for name in group),
                          "rename them: letters and digits tell names apart, capitals and other signs do not", first_of)
         for thing in self.garments + self.bodies:
+            # What is edited is in the mesh only then.
+            thing.update_from_editmode()
             if not thing.data.polygons and not thing.modifiers:
                 self.say(f'"{thing.name}" has no faces', "only surfaces are simulated: fill the edges with faces, or unmark it", thing)
         for thing in self.garments:
@@ -140,6 +154,11 @@ class Collected:
                 self.say(f'"{thing.name}": the map for {painted.quantity} is empty', "choose a group or an attribute", thing)
         if own.simulated == "ALL":
             self.look_at_levels(thing)
+        mirrors = [modifier.name for modifier in list(thing.modifiers)[division(thing) :] if modifier.type == "MIRROR"]
+        if mirrors:
+            self.warnings.append(Problem(
+                f'"{thing.name}": {mirrors[0]} comes after the simulated mesh, so that one half is cloth and the other its mirror image',
+                "apply it, or choose Simulated Mesh: After All Modifiers", plain_name(thing.name), warning=True))
 
     def look_at_render_mesh(self, thing):
         mesh = thing.drapery.render_mesh
@@ -213,10 +232,13 @@ class Collected:
         seams = [self.seam(thing, seam, first, rate) for thing in self.garments for seam in thing.drapery.seams]
         self.parts = shot, bodies, garments, seams
 
-    def text(self, sewn):
-        """The scene file; `sewn` is what the export says of the seams: the vertices of both sides of each."""
-        *others, seams = self.parts
-        return scene_text(*others, zip(seams, sewn))
+    def text(self, sewn, sizes):
+        """The scene file. Of the export it needs the vertices of both sides of each seam, and the size of each mesh in metres."""
+        shot, bodies, garments, seams = self.parts
+        usual = all(within(sizes[garment.file], OF_GARMENTS) for garment in garments)
+        for body in bodies:
+            body.sized = usual and not within(sizes[body.file], OF_BODIES)
+        return scene_text(shot, bodies, garments, zip(seams, sewn))
 
     def body(self, thing, rest):
         own, name = thing.drapery, plain_name(thing.name)

@@ -47,6 +47,40 @@ def put(path, content):
     os.replace(beside, path)
 
 
+def show(thing):
+    """Lets an object take part, whatever hides it in the artist's file; False if the view layer does not have it."""
+    if thing not in list(bpy.context.view_layer.objects):
+        return False
+    everything = bpy.context.scene.collection
+    # Collections that are hidden or cannot be selected, in the window or in renders, hide what is in no other one.
+    if thing not in list(everything.objects):
+        everything.objects.link(thing)
+        bpy.context.view_layer.update()
+    for path in ("hide_viewport", "hide_render"):
+        thing.driver_remove(path)
+        for curve in curves_of(thing):
+            curve.mute = curve.mute or curve.data_path == path
+        setattr(thing, path, False)
+    thing.hide_select = False
+    thing.hide_set(False)
+    return True
+
+
+def curves_of(thing):
+    """All curves that animate an object, of its action and of the strips of its tracks."""
+    animation = thing.animation_data
+    if animation is None:
+        return []
+    actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
+    found = []
+    for action in filter(None, actions):
+        # Blender 5 has them in layers alone.
+        bags = [action] if hasattr(action, "fcurves") else [bag for layer in action.layers for strip in layer.strips
+                                                            for bag in strip.channelbags]
+        found += [curve for bag in bags for curve in bag.fcurves]
+    return found
+
+
 class Content:
     """A digest of what an object is in all frames that are exported, and how many vertices, faces and corners it has in each."""
 
@@ -54,6 +88,9 @@ class Content:
         self.thing, self.frames = thing, frames
         self.sum = hashlib.sha256(repr((frames, scale)).encode())
         self.shapes = {}
+        # Across, in metres, in the first of the frames.
+        self.size = None
+        self.scale = scale
 
     def look(self, scene, depsgraph):
         frame = scene.frame_current
@@ -63,6 +100,9 @@ class Content:
         shown = self.thing.evaluated_get(depsgraph)
         mesh = shown.data
         self.shapes[frame] = shape_of(mesh)
+        if self.size is None:
+            places = list(zip(*(shown.matrix_world @ vertex.co for vertex in mesh.vertices)))
+            self.size = self.scale * max((max(along) - min(along) for along in places), default=0.0)
         self.sum.update(repr(([list(row) for row in shown.matrix_world], [slot.name for slot in shown.material_slots])).encode())
         self.add(mesh.vertices, "co", "f", 3)
         self.add(mesh.loops, "vertex_index", "i", 1)
@@ -91,11 +131,7 @@ def write_alembic(thing, path, content, scale, evaluation, known):
     scene = bpy.context.scene
     for other in bpy.context.view_layer.objects:
         other.select_set(False)
-    thing.hide_set(False)
-    thing.hide_viewport = thing.hide_select = thing.hide_render = False
     thing.select_set(True)
-    if not thing.select_get():
-        raise RuntimeError("it is in no collection of this view layer, or in one that is excluded")
     scene.frame_set(frames[0])
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -121,6 +157,14 @@ def write_alembic(thing, path, content, scale, evaluation, known):
     finally:
         bpy.app.handlers.frame_change_post.remove(look)
         written.unlink(missing_ok=True)
+
+
+def leave_modes():
+    """Ends Edit Mode and the like: there the mesh is not evaluated as it is otherwise."""
+    for thing in bpy.context.view_layer.objects:
+        if thing.mode != "OBJECT":
+            bpy.context.view_layer.objects.active = thing
+            bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def evaluated(thing):
@@ -177,8 +221,8 @@ class Export:
         self.job = job
         self.folder = Path(job["folder"])
         self.problems = []
-        # Of each seam, the vertices of both sides.
-        self.seams = []
+        # Of each seam, the vertices of both sides; of each file how large its mesh is.
+        self.seams, self.sizes = [], {}
         self.things = objects_by_name()
         try:
             self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
@@ -197,14 +241,19 @@ class Export:
         known = self.digests.pop(file, None)
         try:
             write_alembic(thing, self.folder / file, content, self.job["scale"], evaluation, known)
-            self.digests[file] = content.digest
+            self.digests[file], self.sizes[file] = content.digest, content.size
         except (RuntimeError, OSError) as error:
             said = error.strerror if isinstance(error, OSError) and error.strerror else str(error).strip()
             self.problems.append(problem(f'"{name}" could not be written to {file}: {said}',
                                          "make room on the disk, or choose another folder", name))
         return content
 
-    def has_faces(self, thing, name):
+    def takes_part(self, thing, name):
+        """Shows an object, and says whether it can be simulated or collided with."""
+        if not show(thing):
+            self.problems.append(problem(f'"{name}" is in no collection of this view layer, or in one that is excluded',
+                                         "include its collection (the check box in the Outliner), or unmark the object", name))
+            return False
         if len(evaluated(thing).data.polygons):
             return True
         self.problems.append(problem(f'"{name}" has no faces', "only surfaces are simulated and collided with: fill the edges "
@@ -222,7 +271,7 @@ class Export:
         for constraint in [found for found in thing.constraints if found.name in self.job["constraints"]]:
             thing.constraints.remove(constraint)
         bpy.context.scene.frame_set(self.job["rest_frame"])
-        if not self.has_faces(thing, name):
+        if not self.takes_part(thing, name):
             return
         # As the window shows it: that is what the cache is put on.
         frame = self.job["rest_frame"]
@@ -334,7 +383,7 @@ class Export:
             return
         name, [first, last] = thing.name, self.job["frames"]
         bpy.context.scene.frame_set(first)
-        if not self.has_faces(thing, name):
+        if not self.takes_part(thing, name):
             return
         # Two frames at least: one alone is written as the window shows it, and bodies are as they are rendered.
         content = self.write(thing, name, body["file"], [first, max(last, first + 1)], "RENDER")
@@ -358,6 +407,7 @@ class Export:
     def run(self):
         if bpy.context.scene.name != self.job["scene"]:
             bpy.context.window.scene = bpy.data.scenes[self.job["scene"]]
+        leave_modes()
         # Bodies first: frames of garments are looked at where their modifiers are still needed by nothing.
         for body in self.job["bodies"]:
             self.body(body)
@@ -375,7 +425,7 @@ def main():
         bpy.ops.wm.open_mainfile(filepath=arguments[1])
     export = Export(job)
     export.run()
-    Path(job["answer"]).write_text(json.dumps({"problems": export.problems, "seams": export.seams}), "utf-8")
+    Path(job["answer"]).write_text(json.dumps({"problems": export.problems, "seams": export.seams, "sizes": export.sizes}), "utf-8")
 
 
 main()

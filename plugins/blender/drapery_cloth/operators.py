@@ -99,7 +99,11 @@ class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
         rows = getattr(context.object.drapery, self.rows)
         if self.index >= len(rows):
             return {"CANCELLED"}
-        rows.remove(self.index)
+        try:
+            rows.remove(self.index)
+        except TypeError:
+            self.report({"ERROR"}, "This row comes from the linked file; remove it there")
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 

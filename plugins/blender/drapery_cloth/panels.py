@@ -185,6 +185,7 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
     bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
 
     def draw(self, context):
+        state.work().follow(context.scene)
         layout, view = self.layout, state.work().view(context.scene)
         row = layout.row(align=True)
         row.operator("scene.drapery_check", icon="CHECKMARK")

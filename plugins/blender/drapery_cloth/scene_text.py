@@ -39,7 +39,8 @@ class Pin:
 class Body:
     """An animated mesh that cloth collides with; `thickness` in mm and `friction` are Drapery's own choice where None.
 
-    `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None.
+    `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None. Bodies are `sized`
+    that are so large or so small that the scene has to say that it is meant.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Body:
     rest: str | None = None
     thickness: float | None = None
     friction: float | None = None
+    sized: bool = False
 
 
 @dataclass
@@ -189,6 +191,8 @@ def body_lines(body):
     lines = ["[[body]]", f"name = {quoted(body.name)}", f"file = {quoted(body.file)}"]
     if body.rest:
         lines.append(f"rest = {quoted(body.rest)}")
+    if body.sized:
+        lines.append('units = { length = "m", up = "Y" }')
     if body.thickness is not None:
         lines.append(f'thickness = "{number(body.thickness)} mm"')
     if body.friction is not None:

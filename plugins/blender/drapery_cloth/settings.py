@@ -36,6 +36,8 @@ QUANTITIES = [
     ("wind", "Wind", "Share of the wind that is felt"),
 ]
 
+OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
            ("ATTRIBUTE", "Attribute", "A named attribute; of a colour, its red")]
 
@@ -52,10 +54,19 @@ def is_garment(seam, thing):
     return thing.type == "MESH" and thing.drapery.role == "GARMENT"
 
 
+def overridable(kind):
+    """Keeps what is set on a library override of a linked object; Blender forgets all else when the file is opened again."""
+    for deferred in kind.__annotations__.values():
+        rows = {"USE_INSERTION"} if deferred.function is CollectionProperty else set()
+        deferred.keywords["override"] = OVERRIDABLE | rows
+    return kind
+
+
 def fabric_entries(self, context):
     return state.pictures().fabric_entries()
 
 
+@overridable
 class DraperyPin(bpy.types.PropertyGroup):
     """Vertices of a garment that are held."""
 
@@ -69,6 +80,7 @@ class DraperyPin(bpy.types.PropertyGroup):
     stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
 
 
+@overridable
 class DraperySeam(bpy.types.PropertyGroup):
     """Vertices of a garment that are sewn to others, of this garment or of another one."""
 
@@ -92,6 +104,7 @@ class DraperySeam(bpy.types.PropertyGroup):
                         "them at once")
 
 
+@overridable
 class DraperyMap(bpy.types.PropertyGroup):
     """A quantity that is painted."""
 
@@ -100,6 +113,7 @@ class DraperyMap(bpy.types.PropertyGroup):
     name: StringProperty(name="Map", description="Vertex group or attribute; 1 is the garment's own number, 0.5 half of it")
 
 
+@overridable
 class DraperyObject(bpy.types.PropertyGroup):
     """What an object is for Drapery."""
 
