@@ -164,7 +164,7 @@ def test_odd_objects_are_simulated_where_they_are_and_shown_where_their_caches_a
     # second one played, in a folder of odd letters.
     _, saw = act("odd_scene")
     assert saw["simulated"] == ["FINISHED"] and saw["mode"] == "EDIT_MESH"
-    assert sorted(saw["starts"]) == sorted(["a_b__c_____", "sheared", "plain", "twin", "keyed", "hidden", "edited"])
+    assert sorted(saw["starts"]) == sorted(["a_b__c______", "sheared", "plain", "twin", "keyed", "hidden", "edited"])
     for name, start in saw["starts"].items():
         cache = z_up(official(f"{saw['run']}/{name}.abc")["world_positions"])
         assert len(cache) == 6

@@ -162,7 +162,7 @@ def test_an_excerpt_of_the_scene_names_the_object_of_its_table(parts, drapery, t
 
 
 @pytest.mark.parametrize("before, after", [("garment = \"cape\", vertices = [3, 2]", "garment = \"cape\", vertices = [3, 9]"),
-                                           ("[[seam]]\nfrom", "[[seam]]\nfrom_here = 3\nfrom"), ('start = "-0.5 s"', "start = 9.0")])  # fmt: skip
+                                           ('strength = "321.5 N/m"', "strenght = 3"), ('start = "-0.5 s"', "start = 9.0")])  # fmt: skip
 def test_an_excerpt_of_a_seam_names_its_first_garment(parts, drapery, tmp_path, before, after):
     written = scene_in(tmp_path, parts)
     assert before in written

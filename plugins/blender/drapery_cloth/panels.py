@@ -253,5 +253,5 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             layout.label(text=f"and {len(problems) - SHOWN} more")
 
 
-CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps,
-           VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation)
+CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
+           VIEW3D_PT_drapery_simulation)
