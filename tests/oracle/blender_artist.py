@@ -318,14 +318,14 @@ def collection(name, thing):
 
 
 def odd_garments():
-    """Garments that are mirrored, sheared, stretched, of one mesh, with shape keys, by name."""
+    """Garments that are mirrored, below a scaled parent, stretched, of one mesh, with shape keys, by name."""
     mirrored = panel('a/b "c" $ 日本', (0, 0, 1))
     mirrored.scale = (-1, 1, 1)
     empty = bpy.data.objects.new("empty", None)
     bpy.context.scene.collection.objects.link(empty)
-    empty.scale = (3, -1, 0.4)
-    sheared = panel("sheared", (0, 1, 1))
-    sheared.parent, sheared.rotation_euler = empty, (0.5, 0.4, 0.3)
+    empty.scale, empty.rotation_euler = (3, -1, 0.4), (0.5, 0.4, 0.3)
+    child = panel("child", (0, 1, 1))
+    child.parent, child.rotation_euler = empty, (math.pi / 2, 0, 0)
     plain = panel("plain", (0, 2, 1))
     twin = plain.copy()
     bpy.context.scene.collection.objects.link(twin)
@@ -336,7 +336,7 @@ def odd_garments():
     for entry in wide.data:
         entry.co.x *= 1.5
     wide.value = 0.5
-    return [mirrored, sheared, plain, twin, keyed, panel("hidden", (0, 5, 1)), panel("edited", (0, 6, 1))]
+    return [mirrored, child, plain, twin, keyed, panel("hidden", (0, 5, 1)), panel("edited", (0, 6, 1))]
 
 
 def odd_scene():
@@ -418,6 +418,19 @@ def warned():
     scene.render.frame_map_new = 200
     answer["stretched"] = press("check")
     scene.render.frame_map_new = 100
+    empty = bpy.data.objects.new("empty", None)
+    scene.collection.objects.link(empty)
+    # Turned, with a parent that is scaled along one axis from frame 3 on.
+    cloth.parent = empty
+    below = ball("below", (0, 0, -1))
+    below.parent, below.rotation_euler = empty, (0.5, 0.4, 0.3)
+    mark("BODY", below)
+    for frame, size in ((2, 1.0), (3, 2.0)):
+        empty.scale.x = size
+        empty.keyframe_insert("scale", frame=frame)
+    answer["sheared"] = press("check")
+    for thing in (below, empty):
+        bpy.data.objects.remove(thing)
     cup = ball("cup", (0, 1, 1), 0.07)
     mark("BODY", cup)
     answer["cup"] = press("check")

@@ -160,11 +160,11 @@ def z_up(vectors):
 
 
 def test_odd_objects_are_simulated_where_they_are_and_shown_where_their_caches_are(act):
-    # Mirrored, sheared by a parent, stretched, of one mesh, with shape keys, hidden, in Edit Mode; frames below zero, 29.97 a second, every
+    # Mirrored, below a scaled parent, stretched, of one mesh, with shape keys, hidden, in Edit Mode; frames below zero, 29.97 a second, every
     # second one played, in a folder of odd letters.
     _, saw = act("odd_scene")
     assert saw["simulated"] == ["FINISHED"] and saw["mode"] == "EDIT_MESH"
-    assert sorted(saw["starts"]) == sorted(["a_b__c______", "sheared", "plain", "twin", "keyed", "hidden", "edited"])
+    assert sorted(saw["starts"]) == sorted(["a_b__c______", "child", "plain", "twin", "keyed", "hidden", "edited"])
     for name, start in saw["starts"].items():
         cache = z_up(official(f"{saw['run']}/{name}.abc")["world_positions"])
         assert len(cache) == 6
@@ -199,6 +199,12 @@ def test_mirrors_and_stretched_time_are_named(act):
     assert result == "FINISHED" and '"cloth": Mirror comes after the simulated mesh, so that one half is cloth' in said
     assert saw["mirror_too"] == ["FINISHED"]
     assert saw["stretched"][0] == "CANCELLED" and "Time Stretching is 100 to 200" in saw["stretched"][1]
+
+
+def test_shear_is_named_with_its_frame(act):
+    _, saw = act("warned")
+    result, said = saw["sheared"]
+    assert result == "CANCELLED" and said.startswith('below|3|None|None|"below" is sheared at frame 3, by a parent')
 
 
 def test_a_cup_is_a_body_and_a_scene_in_a_wrong_unit_is_refused(act):

@@ -25,6 +25,9 @@ import sewing  # noqa: E402 isort: skip
 # the date, and a run whose inputs have other bytes is refused as changed: a file whose content is the same stays.
 CONTENT = "meshes/content.json"
 
+# A cosine between axes that is no rounding: over two metres it moves a vertex by 0.2 mm.
+SHEAR = 1e-4
+
 
 def problem(message, help, thing=None, frame=None, vertex=None):
     return {"message": message, "help": help, "object": thing, "frame": frame, "element": None if vertex is None else "vertex",
@@ -66,6 +69,12 @@ def show(thing):
     return True
 
 
+def shear(matrix):
+    """How far the axes of a transform are from right angles: the largest cosine between two of them."""
+    axes = [column.normalized() for column in matrix.to_3x3().col]
+    return max(abs(axes[i].dot(axes[j])) for i, j in ((0, 1), (1, 2), (2, 0)))
+
+
 def curves_of(thing):
     """All curves that animate an object, of its action and of the strips of its tracks."""
     animation = thing.animation_data
@@ -91,6 +100,8 @@ class Content:
         # Across, in metres, in the first of the frames.
         self.size = None
         self.scale = scale
+        # The first frame in which its axes do not stand at right angles.
+        self.sheared = None
 
     def look(self, scene, depsgraph):
         frame = scene.frame_current
@@ -100,6 +111,8 @@ class Content:
         shown = self.thing.evaluated_get(depsgraph)
         mesh = shown.data
         self.shapes[frame] = shape_of(mesh)
+        if self.sheared is None and shear(shown.matrix_world) > SHEAR:
+            self.sheared = frame
         if self.size is None:
             places = list(zip(*(shown.matrix_world @ vertex.co for vertex in mesh.vertices)))
             self.size = self.scale * max((max(along) - min(along) for along in places), default=0.0)
@@ -242,6 +255,10 @@ class Export:
         try:
             write_alembic(thing, self.folder / file, content, self.job["scale"], evaluation, known)
             self.digests[file], self.sizes[file] = content.digest, content.size
+            if content.sheared is not None:
+                self.problems.append(problem(
+                    f'"{name}" is sheared at frame {content.sheared}, by a parent whose scale differs along its axes; Blender writes '
+                    "no shear", "apply the scale of its parents (Object > Apply > Scale), or its own transforms", name, content.sheared))
         except (RuntimeError, OSError) as error:
             said = error.strerror if isinstance(error, OSError) and error.strerror else str(error).strip()
             self.problems.append(problem(f'"{name}" could not be written to {file}: {said}',
