@@ -16,15 +16,20 @@ def package(*arguments):
     return done, Path(done.stdout.strip())
 
 
+def exporter_in(folder):
+    """What stands for a Blender with Alembic: the module, called as a Blender is."""
+    path = folder / "blender_with_alembic"
+    path.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
+                    f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
+    path.chmod(0o755)
+    return path
+
+
 def session(folder, drapery):
     """Presses every button in an empty folder; returns what Blender printed. The folder has answer.json and the pictures then."""
     (folder / "scripts" / "addons").mkdir(parents=True)
     _, archive = package("--without-solver", folder)
-    # What a Blender is called with, answered by the module.
-    exporter = folder / "blender_with_alembic"
-    exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
-                        f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
-    exporter.chmod(0o755)
+    exporter = exporter_in(folder)
     command = ["xvfb-run", "-a", "-s", "-screen 0 900x1900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
                "1900", "--python", str(HERE / "blender_window.py"), "--", str(folder), str(archive),
                drapery, str(exporter)]  # fmt: skip

@@ -132,6 +132,20 @@ def steps():
     press("object", "drapery_remove", rows="pins", index=1)
     press("object", "drapery_map_add")
     press("object", "drapery_remove", rows="maps", index=0)
+    cuff = tube("cuff", 0.252, 1.02, 1.1, 32, 4)
+    choose(cuff)
+    press("object", "drapery_mark", role="GARMENT")
+    press("object", "drapery_seam_add")
+    cuff.drapery.seams[0].other, cuff.drapery.seams[0].other_group, cuff.drapery.seams[0].own_closing = skirt, "waist", True
+    yield
+    photograph("sewn")
+    choose(skirt)
+    press("object", "drapery_seam_add")
+    # With the seam of the cuff, which leads here.
+    yield
+    photograph("sewn_to")
+    press("object", "drapery_remove", rows="seams", index=0)
+    bpy.data.objects.remove(cuff)
     skirt.drapery.pins[0].hold = "SPRING"
     skirt.drapery.fabric = "denim_11oz"
     skirt.drapery.stiffens = skirt.drapery.strain_limit = True

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -28,7 +29,7 @@ def parts():
     package.__path__ = [str(ADD_ON)]
     sys.modules["drapery_cloth"] = package
     yield types.SimpleNamespace(**{name: importlib.import_module(f"drapery_cloth.{name}")
-                                   for name in ("scene_text", "answers", "fabrics", "process")})  # fmt: skip
+                                   for name in ("scene_text", "answers", "fabrics", "process", "sewing")})  # fmt: skip
     for name in [name for name in sys.modules if name.startswith("drapery_cloth")]:
         del sys.modules[name]
 
@@ -56,7 +57,9 @@ def scene_in(folder, parts, **changes):
     maps = [text.Map("density", "heavy.txt"), text.Map("pins", "springs.txt")]
     cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
     coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"))
-    written = text.scene_text(shot, [floor], [coat, cape])
+    seam = text.Seam(("cape", "coat"), False, 321.5, -0.5, 1.25), [[3, 2], [0, 1]]
+    nearest = text.Seam(("coat", "coat"), True, 400.0), [[0], [2]]
+    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest])
     (folder / text.SCENE_FILE).write_text(written)
     return written
 
@@ -80,7 +83,11 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert cape["thickness"] == "0.25 mm" and cape["maps"].keys() == {"density", "pins"}
     assert [(pin["to"], pin["mode"]) for pin in cape["pin"]] == [("start", "hard"), ("body:floor", "spring")]
     assert cape["pin"][1]["stiffness"] == "123 N/m"
-    assert {"gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
+    sewn, nearest = resolved["seam"]
+    assert sewn["from"] == {"garment": "cape", "vertices": [3, 2]} and sewn["to"] == {"garment": "coat", "vertices": [0, 1]}
+    assert (sewn["strength"], sewn["start"], sewn["closed"]) == ("321.5 N/m", "-0.5 s", "1.25 s")
+    assert nearest["pairing"] == "nearest"
+    assert {"seams", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
 
 
 def test_cleared_boxes_ask_for_no_effect_and_give_no_warning(parts, drapery, tmp_path):
@@ -152,6 +159,41 @@ def test_an_excerpt_of_the_scene_names_the_object_of_its_table(parts, drapery, t
     done = run(drapery, "check", "scene.toml", "--json", folder=tmp_path)
     (problem,) = parts.answers.problems_of(done.stderr, written)
     assert problem.object == "coat" and "canvvas" in problem.message and "canvas" in problem.help
+
+
+@pytest.mark.parametrize("before, after", [("garment = \"cape\", vertices = [3, 2]", "garment = \"cape\", vertices = [3, 9]"),
+                                           ('strength = "321.5 N/m"', "strenght = 3"), ('start = "-0.5 s"', "start = 9.0")])  # fmt: skip
+def test_an_excerpt_of_a_seam_names_its_first_garment(parts, drapery, tmp_path, before, after):
+    written = scene_in(tmp_path, parts)
+    assert before in written
+    written = written.replace(before, after)
+    (tmp_path / "scene.toml").write_text(written)
+    done = run(drapery, "check", "scene.toml", "--json", folder=tmp_path)
+    assert "cape" in {problem.object for problem in parts.answers.problems_of(done.stderr, written)}, done.stderr
+
+
+def test_a_group_is_walked_along_its_edges(parts):
+    line_of, NoLine = parts.sewing.line_of, parts.sewing.NoLine
+    assert line_of([7, 3, 5], [], [(5, 3), (7, 5), (9, 7)]) == ([3, 5, 7], False)
+    assert line_of([4], [], []) == ([4], False)
+    assert line_of([1, 2], [(1, 2)], [(1, 2)]) == ([1, 2], False)
+    assert line_of([1, 2, 3, 4], [], [(1, 3), (3, 2), (2, 4), (4, 1)]) == ([1, 3, 2, 4], True)
+    # A corner of one triangle, whose third edge is no border.
+    assert line_of([1, 2, 3], [(1, 2), (2, 3)], [(1, 2), (2, 3), (3, 1)]) == ([1, 2, 3], False)
+    for edges, words, vertex in (([(1, 2), (3, 4)], "it is in 2 pieces", 3), ([(1, 2), (1, 3), (1, 4)], "vertex 1 has 3 neighbours in it", 1),
+                                 ([(1, 2), (2, 3), (3, 1)], "it is in 2 pieces", 1)):  # fmt: skip
+        with pytest.raises(NoLine) as error:
+            line_of([1, 2, 3, 4], [], edges)
+        assert (str(error.value), error.value.vertex) == (words, vertex)
+
+
+def test_the_second_side_is_turned_to_the_first(parts):
+    # Ten centimetres beside and turned by 2 vertices, in the other direction.
+    ring = [(math.cos(a), math.sin(a), 0.0) for a in (0.3 * k * k for k in range(4))]
+    beside = {vertex: (x + 5.0, y, z + 0.1) for vertex, (x, y, z) in zip((40, 30, 20, 10), ring[2:] + ring[:2])}
+    closest = parts.sewing.closest_order
+    assert closest([0, 1, 2, 3], ring, [10, 20, 30, 40], beside, True) == [20, 10, 40, 30]
+    assert closest([0, 1], ring, [40, 20], {40: (3.0, 0.0, 0.0), 20: (4.0, 0.0, 0.0)}, False) == [20, 40]
 
 
 def test_a_missing_file_names_the_body(parts, drapery, tmp_path):

@@ -78,6 +78,16 @@ fn what_moves_and_joins_cloth_is_read_as_it_is_written() {
 }
 
 #[test]
+fn a_seam_that_starts_at_a_time_with_a_unit_is_written_out_as_it_is_read() {
+    let folder = folder();
+    let text = format!("{SEWN}start = \"-250 ms\"\nclosed = \"0.5 s\"\n");
+    let shot = resolve_in(folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+    let again = resolve_in(folder.path(), &shot.resolved).unwrap_or_else(|e| panic!("{e}\n{}", shot.resolved));
+    assert_eq!((shot.scene.seams[0].from, shot.scene.seams[0].until), (-0.25, 0.5));
+    assert_eq!(again.scene.seams, shot.scene.seams);
+}
+
+#[test]
 fn slips_in_these_tables_name_the_line_and_what_to_write() {
     let folder = folder();
     for (from, to, words) in [

@@ -62,7 +62,7 @@ pub use defaults::Defaults;
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
 pub use raw::UNSAID;
-pub use resolved::FILES;
+pub use resolved::names_file;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};
 

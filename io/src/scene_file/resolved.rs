@@ -16,7 +16,10 @@ const ORDER: [&str; 10] =
 const TABLES: usize = 5;
 
 /// Keys that name files relative to the scene file.
-pub const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+
+/// Table in which such a key does not: a seam starts at a time.
+const TIMES: &str = "seam";
 
 /// Keys that name a map or hold maps, which may be files.
 const MAP: &str = "map";
@@ -24,6 +27,12 @@ const MAPS: &str = ".maps";
 
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;
+
+/// Whether a text under this key names a file relative to the scene file; `table` is the table that the key stands in, as in
+/// `garment.render_mesh` or `seam[0]`.
+pub fn names_file(table: &str, key: &str) -> bool {
+    FILES.contains(&key) && table.split('[').next() != Some(TIMES)
+}
 
 /// Writes a scene whose values are these, with all defaults, one value a line, each with its origin. The loader reads it to the same
 /// scene.
@@ -60,7 +69,7 @@ pub(super) fn write(scene: &SceneFile, root: &Node) -> String {
 fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
     for entry in table.0.iter().filter(|e| !is_section(&e.node.value)) {
         let value = match &entry.node.value {
-            Value::Text(text) if FILES.contains(&entry.key.as_str()) && !path.is_empty() => {
+            Value::Text(text) if !path.is_empty() && names_file(path, &entry.key) => {
                 Value::Text(absolute(scene, text).to_string_lossy().into_owned())
             }
             Value::Text(text) if entry.key == MAP || path.ends_with(MAPS) => match text.strip_prefix(FILE) {

@@ -2,7 +2,7 @@
 
 use std::path::{Path as FilePath, PathBuf};
 
-use super::resolved::FILES;
+use super::resolved::names_file;
 use super::tree::{Node, Origin, Value};
 
 /// Where files are found; the default finds them where the scene says.
@@ -59,21 +59,25 @@ impl PathMaps {
 
     /// Replaces the paths of all input files in the tables of a scene.
     pub(super) fn apply_to_files(&self, node: &mut Node) {
-        if self.0.is_empty() {
-            return;
+        if !self.0.is_empty() {
+            self.apply_in("", node);
         }
+    }
+
+    /// The same in the table `name`, or in those of a list of tables.
+    fn apply_in(&self, name: &str, node: &mut Node) {
         match &mut node.value {
-            Value::Array(items) => items.iter_mut().for_each(|item| self.apply_to_files(item)),
+            Value::Array(items) => items.iter_mut().for_each(|item| self.apply_in(name, item)),
             Value::Table(table) => {
                 for entry in &mut table.0 {
                     match &mut entry.node.value {
-                        Value::Text(text) if FILES.contains(&entry.key.as_str()) => {
+                        Value::Text(text) if names_file(name, &entry.key) => {
                             if let Some(mapped) = self.apply(text) {
                                 *text = mapped;
                                 entry.node.origin = Origin::PathMap(Box::new(entry.node.origin.clone()));
                             }
                         }
-                        _ => self.apply_to_files(&mut entry.node),
+                        _ => self.apply_in(&entry.key, &mut entry.node),
                     }
                 }
             }

@@ -52,14 +52,18 @@ def after_load(*_):
     state.work().look_later()
 
 
-# Blender takes handlers that are not marked away when a file is opened.
-bpy.app.handlers.persistent(after_load)
+def before_save(*_):
+    # Blender 5 forgets what is set on an override if the linked object has nothing of the add-on. Reading it makes that.
+    for thing in bpy.data.objects:
+        if thing.override_library and thing.override_library.reference:
+            thing.override_library.reference.drapery.role  # noqa: B018
 
 
-def drop_handler():
+def add_handler(handlers, handler, undo):
+    # Blender takes handlers that are not marked away when a file is opened.
+    handlers.append(bpy.app.handlers.persistent(handler))
     # Scripts that clear the list take it away before.
-    if after_load in bpy.app.handlers.load_post:
-        bpy.app.handlers.load_post.remove(after_load)
+    undo.callback(lambda: handler in handlers and handlers.remove(handler))
 
 
 def register_classes(classes, undo):
@@ -87,12 +91,12 @@ def register_parts(undo):
     undo.callback(state.clear)
     register_classes(settings.CLASSES, undo)
     for kind, group in settings.PROPERTIES:
-        kind.drapery = bpy.props.PointerProperty(type=group)
+        kind.drapery = bpy.props.PointerProperty(type=group, override=settings.OVERRIDABLE)
         undo.callback(delattr, kind, "drapery")
     register_classes(operators.CLASSES, undo)
     register_classes(panels.CLASSES, undo)
-    bpy.app.handlers.load_post.append(after_load)
-    undo.callback(drop_handler)
+    add_handler(bpy.app.handlers.load_post, after_load, undo)
+    add_handler(bpy.app.handlers.save_pre, before_save, undo)
     going_on.look_later()
 
 

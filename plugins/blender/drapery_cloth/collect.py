@@ -7,12 +7,16 @@ import bpy
 from .answers import Problem
 from .fabrics import FABRICS
 from .pictures import OTHER
-from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Shot, frame_rate, names_taken_twice, plain_name, scene_text
+from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Seam, Shot, frame_rate, names_taken_twice, plain_name, scene_text
 from .settings import DEFORMING
 
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
 CACHE = "Drapery Cache"
 CONSTRAINTS = ("Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location")
+# Sizes in metres of which the solver asks nothing, and of clothes. Where clothes have them, the unit of length is right, and a cup or a
+# ship is as large as it is meant.
+OF_BODIES, OF_GARMENTS = (0.21, 19.0), (0.03, 19.0)
+
 
 
 def marked(scene, role):
@@ -56,6 +60,10 @@ def run_folder(scene):
     return folder and folder / "out" / shot_name(scene)
 
 
+def within(number, span):
+    return span[0] <= number <= span[1]
+
+
 def largest_strain(own):
     """How far a garment stretches, as a share of its length; None where a material of the studio alone knows."""
     if own.own_strain:
@@ -70,15 +78,18 @@ def upright(vector):
 
 
 class Collected:
-    """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both."""
+    """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both.
+
+    The job is None, and there is no text, where there are problems. `warnings` prevent nothing.
+    """
 
     def __init__(self, scene):
         self.scene = scene
         self.folder = scene_folder(scene)
         self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
-        self.problems = []
+        self.problems, self.warnings = [], []
         self.look()
-        self.text = self.job = None
+        self.job = self.parts = None
         if not self.problems:
             self.describe()
 
@@ -94,6 +105,10 @@ class Collected:
             self.say("No object is marked as a garment", "select a mesh and choose Garment under Object")
         if last < first:
             self.say(f"The frame range ends before it starts: {first} to {last}", "choose an end after the start")
+        stretch = self.scene.render
+        if stretch.frame_map_old != stretch.frame_map_new:
+            self.say(f"Time Stretching is {stretch.frame_map_old} to {stretch.frame_map_new}: the cache would be shown at other frames than "
+                     "it was simulated for", "set both to 100 under Output > Frame Range")
         if own.blend and not own.own_rest:
             self.say("Blend frames lead from the rest frame to the first", "choose a rest frame, or set Blend to 0")
         if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
@@ -107,10 +122,13 @@ class Collected:
                 self.say(f"{len(group)} {what} would have one name, {plain_name(group[0])}: " + ", ".join(f'"{name}"' for name in group),
                          "rename them: letters and digits tell names apart, capitals and other signs do not", first_of)
         for thing in self.garments + self.bodies:
+            # What is edited is in the mesh only then.
+            thing.update_from_editmode()
             if not thing.data.polygons and not thing.modifiers:
                 self.say(f'"{thing.name}" has no faces', "only surfaces are simulated: fill the edges with faces, or unmark it", thing)
         for thing in self.garments:
             self.look_at(thing)
+        self.look_at_seams()
 
     def look_at(self, thing):
         own = thing.drapery
@@ -136,6 +154,11 @@ class Collected:
                 self.say(f'"{thing.name}": the map for {painted.quantity} is empty', "choose a group or an attribute", thing)
         if own.simulated == "ALL":
             self.look_at_levels(thing)
+        mirrors = [modifier.name for modifier in list(thing.modifiers)[division(thing) :] if modifier.type == "MIRROR"]
+        if mirrors:
+            self.warnings.append(Problem(
+                f'"{thing.name}": {mirrors[0]} comes after the simulated mesh, so that one half is cloth and the other its mirror image',
+                "apply it, or choose Simulated Mesh: After All Modifiers", plain_name(thing.name), warning=True))
 
     def look_at_render_mesh(self, thing):
         mesh = thing.drapery.render_mesh
@@ -147,6 +170,34 @@ class Collected:
                      "choose a mesh of this scene that takes no part in the simulation", thing)
         elif others:
             self.say(f'"{thing.name}" and "{others[0].name}" have the same render mesh, "{mesh.name}"', "make a copy for one of them", thing)
+
+    def look_at_seams(self):
+        sewn = set()
+        for thing in self.garments:
+            for seam in thing.drapery.seams:
+                sides = frozenset(((thing, seam.group), (seam.other, seam.other_group)))
+                self.look_at_seam(thing, seam, sides in sewn)
+                sewn.add(sides)
+
+    def look_at_seam(self, thing, seam, again):
+        own, other = seam.group, seam.other
+        what = f'"{thing.name}": the seam of its group "{own}"'
+        if not own:
+            self.say(f'"{thing.name}": a seam has no vertex group', "choose one, or remove the seam", thing)
+        elif other is None:
+            self.say(f"{what} leads to no garment", "choose the one that it is sewn to, or remove the seam", thing)
+        elif other not in self.garments:
+            self.say(f'{what} leads to "{other.name}", which is not a garment of this scene', "mark it as one, choose another, or remove "
+                     "the seam", thing)
+        elif not seam.other_group:
+            self.say(f'{what} leads to no vertex group of "{other.name}"', "choose one, or remove the seam", thing)
+        elif (thing, own) == (other, seam.other_group):
+            self.say(f"{what} leads to the same group", "choose another group, or another garment", thing)
+        elif again:
+            self.say(f'{what} to "{seam.other_group}" of "{other.name}" is there twice', "remove one of them", thing)
+        if seam.own_closing and seam.closed < seam.start:
+            self.say(f"{what} is closed at frame {seam.closed}, before it starts to close at frame {seam.start}",
+                     "choose a later frame, or the same one for a seam that closes at once", thing)
 
     def look_at_levels(self, thing):
         for modifier in list(thing.modifiers)[: division(thing)]:
@@ -174,10 +225,20 @@ class Collected:
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
             "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [], "render_meshes": [],
+            "seams": [],
         }  # fmt: skip
         bodies = [self.body(thing, rest_frame != first) for thing in self.bodies]
         garments = [self.garment(thing) for thing in self.garments]
-        self.text = scene_text(shot, bodies, garments)
+        seams = [self.seam(thing, seam, first, rate) for thing in self.garments for seam in thing.drapery.seams]
+        self.parts = shot, bodies, garments, seams
+
+    def text(self, sewn, sizes):
+        """The scene file. Of the export it needs the vertices of both sides of each seam, and the size of each mesh in metres."""
+        shot, bodies, garments, seams = self.parts
+        usual = all(within(sizes[garment.file], OF_GARMENTS) for garment in garments)
+        for body in bodies:
+            body.sized = usual and not within(sizes[body.file], OF_BODIES)
+        return scene_text(shot, bodies, garments, zip(seams, sewn))
 
     def body(self, thing, rest):
         own, name = thing.drapery, plain_name(thing.name)
@@ -210,6 +271,13 @@ class Collected:
             garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
         self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})
         return garment
+
+    def seam(self, thing, seam, first, rate):
+        sides = (thing, seam.group), (seam.other, seam.other_group)
+        nearest = seam.pairing == "NEAREST"
+        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "nearest": nearest})
+        times = [float((frame - first) / rate) for frame in (seam.start, seam.closed)] if seam.own_closing else [None, None]
+        return Seam(tuple(plain_name(side.name) for side, _ in sides), nearest, seam.stiffness, *times)
 
     def render_mesh(self, mesh, name, rigid):
         # As of a garment: deforming modifiers at the top shape it at rest, all others follow.

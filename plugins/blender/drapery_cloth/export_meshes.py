@@ -17,9 +17,16 @@ from pathlib import Path
 
 import bpy
 
+# A script of Blender's is not looked for beside itself.
+sys.path.insert(0, str(Path(__file__).parent))
+import sewing  # noqa: E402 isort: skip
+
 # What the meshes held when they were written, by file. Blender's archives of equal meshes differ in their bytes, by more than
 # the date, and a run whose inputs have other bytes is refused as changed: a file whose content is the same stays.
 CONTENT = "meshes/content.json"
+
+# A cosine between axes that is no rounding: over two metres it moves a vertex by 0.2 mm.
+SHEAR = 1e-4
 
 
 def problem(message, help, thing=None, frame=None, vertex=None):
@@ -43,6 +50,46 @@ def put(path, content):
     os.replace(beside, path)
 
 
+def show(thing):
+    """Lets an object take part, whatever hides it in the artist's file; False if the view layer does not have it."""
+    if thing not in list(bpy.context.view_layer.objects):
+        return False
+    everything = bpy.context.scene.collection
+    # Collections that are hidden or cannot be selected, in the window or in renders, hide what is in no other one.
+    if thing not in list(everything.objects):
+        everything.objects.link(thing)
+        bpy.context.view_layer.update()
+    for path in ("hide_viewport", "hide_render"):
+        thing.driver_remove(path)
+        for curve in curves_of(thing):
+            curve.mute = curve.mute or curve.data_path == path
+        setattr(thing, path, False)
+    thing.hide_select = False
+    thing.hide_set(False)
+    return True
+
+
+def shear(matrix):
+    """How far the axes of a transform are from right angles: the largest cosine between two of them."""
+    axes = [column.normalized() for column in matrix.to_3x3().col]
+    return max(abs(axes[i].dot(axes[j])) for i, j in ((0, 1), (1, 2), (2, 0)))
+
+
+def curves_of(thing):
+    """All curves that animate an object, of its action and of the strips of its tracks."""
+    animation = thing.animation_data
+    if animation is None:
+        return []
+    actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
+    found = []
+    for action in filter(None, actions):
+        # Blender 5 has them in layers alone.
+        bags = [action] if hasattr(action, "fcurves") else [bag for layer in action.layers for strip in layer.strips
+                                                            for bag in strip.channelbags]
+        found += [curve for bag in bags for curve in bag.fcurves]
+    return found
+
+
 class Content:
     """A digest of what an object is in all frames that are exported, and how many vertices, faces and corners it has in each."""
 
@@ -50,6 +97,11 @@ class Content:
         self.thing, self.frames = thing, frames
         self.sum = hashlib.sha256(repr((frames, scale)).encode())
         self.shapes = {}
+        # Across, in metres, in the first of the frames.
+        self.size = None
+        self.scale = scale
+        # The first frame in which its axes do not stand at right angles.
+        self.sheared = None
 
     def look(self, scene, depsgraph):
         frame = scene.frame_current
@@ -59,6 +111,11 @@ class Content:
         shown = self.thing.evaluated_get(depsgraph)
         mesh = shown.data
         self.shapes[frame] = shape_of(mesh)
+        if self.sheared is None and shear(shown.matrix_world) > SHEAR:
+            self.sheared = frame
+        if self.size is None:
+            places = list(zip(*(shown.matrix_world @ vertex.co for vertex in mesh.vertices)))
+            self.size = self.scale * max((max(along) - min(along) for along in places), default=0.0)
         self.sum.update(repr(([list(row) for row in shown.matrix_world], [slot.name for slot in shown.material_slots])).encode())
         self.add(mesh.vertices, "co", "f", 3)
         self.add(mesh.loops, "vertex_index", "i", 1)
@@ -87,11 +144,7 @@ def write_alembic(thing, path, content, scale, evaluation, known):
     scene = bpy.context.scene
     for other in bpy.context.view_layer.objects:
         other.select_set(False)
-    thing.hide_set(False)
-    thing.hide_viewport = thing.hide_select = thing.hide_render = False
     thing.select_set(True)
-    if not thing.select_get():
-        raise RuntimeError("it is in no collection of this view layer, or in one that is excluded")
     scene.frame_set(frames[0])
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -117,6 +170,14 @@ def write_alembic(thing, path, content, scale, evaluation, known):
     finally:
         bpy.app.handlers.frame_change_post.remove(look)
         written.unlink(missing_ok=True)
+
+
+def leave_modes():
+    """Ends Edit Mode and the like: there the mesh is not evaluated as it is otherwise."""
+    for thing in bpy.context.view_layer.objects:
+        if thing.mode != "OBJECT":
+            bpy.context.view_layer.objects.active = thing
+            bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def evaluated(thing):
@@ -160,6 +221,12 @@ def weights_of(thing, source, name):
     return [total / count if count else 0.0 for total, count in zip(sums, counts)]
 
 
+def places_of(thing):
+    """Where the vertices of an object are in the world."""
+    shown = evaluated(thing)
+    return [tuple(shown.matrix_world @ vertex.co) for vertex in shown.data.vertices]
+
+
 class Export:
     """One job; what is wrong with it is in `problems` at its end."""
 
@@ -167,6 +234,8 @@ class Export:
         self.job = job
         self.folder = Path(job["folder"])
         self.problems = []
+        # Of each seam, the vertices of both sides; of each file how large its mesh is.
+        self.seams, self.sizes = [], {}
         self.things = objects_by_name()
         try:
             self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
@@ -185,14 +254,23 @@ class Export:
         known = self.digests.pop(file, None)
         try:
             write_alembic(thing, self.folder / file, content, self.job["scale"], evaluation, known)
-            self.digests[file] = content.digest
+            self.digests[file], self.sizes[file] = content.digest, content.size
+            if content.sheared is not None:
+                self.problems.append(problem(
+                    f'"{name}" is sheared at frame {content.sheared}, by a parent whose scale differs along its axes; Blender writes '
+                    "no shear", "apply the scale of its parents (Object > Apply > Scale), or its own transforms", name, content.sheared))
         except (RuntimeError, OSError) as error:
             said = error.strerror if isinstance(error, OSError) and error.strerror else str(error).strip()
             self.problems.append(problem(f'"{name}" could not be written to {file}: {said}',
                                          "make room on the disk, or choose another folder", name))
         return content
 
-    def has_faces(self, thing, name):
+    def takes_part(self, thing, name):
+        """Shows an object, and says whether it can be simulated or collided with."""
+        if not show(thing):
+            self.problems.append(problem(f'"{name}" is in no collection of this view layer, or in one that is excluded',
+                                         "include its collection (the check box in the Outliner), or unmark the object", name))
+            return False
         if len(evaluated(thing).data.polygons):
             return True
         self.problems.append(problem(f'"{name}" has no faces', "only surfaces are simulated and collided with: fill the edges "
@@ -210,7 +288,7 @@ class Export:
         for constraint in [found for found in thing.constraints if found.name in self.job["constraints"]]:
             thing.constraints.remove(constraint)
         bpy.context.scene.frame_set(self.job["rest_frame"])
-        if not self.has_faces(thing, name):
+        if not self.takes_part(thing, name):
             return
         # As the window shows it: that is what the cache is put on.
         frame = self.job["rest_frame"]
@@ -243,13 +321,86 @@ class Export:
             self.problems.append(problem(f'{painted["file"]} could not be written: {error.strerror}',
                                          "make room on the disk, or choose another folder", name))
 
+    def seam(self, seam):
+        sides = [(self.things.get(name), group) for name, group in seam["sides"]]
+        # What is missing has been named as a garment.
+        if any(thing is None for thing, _ in sides):
+            return
+        chosen = [self.sewn(thing, group) for thing, group in sides]
+        if None in chosen:
+            return
+        pair = self.nearest if seam["nearest"] else self.along_edges
+        self.seams.append(pair(sides, chosen))
+
+    def sewn(self, thing, group):
+        """The vertices of one side; None, with a problem, where there are none."""
+        try:
+            found = [index for index, weight in enumerate(weights_of(thing, "GROUP", group)) if weight > 0.5]
+        except KeyError:
+            self.problems.append(problem(f'"{thing.name}" has no vertex group "{group}", which a seam sews', "choose one that is there, "
+                                         "or remove the seam", thing.name))
+            return None
+        if not found:
+            self.problems.append(problem(f'"{thing.name}": no vertex of vertex group "{group}" is above one half, so that a seam sews '
+                                         "nothing", "paint the vertices that are sewn with more than 0.5", thing.name))
+            return None
+        return found
+
+    def nearest(self, sides, chosen):
+        """As they are: the solver finds the nearest ones."""
+        (thing, group), (other, other_group) = sides
+        shared = sorted(set(chosen[0]) & set(chosen[1])) if thing == other else []
+        if shared:
+            self.problems.append(problem(f'"{thing.name}": vertex {shared[0]} is in both groups of a seam, "{group}" and "{other_group}", '
+                                         "and would be sewn to itself", "take it out of one of them", thing.name, None, shared[0]))
+        return chosen
+
+    def along_edges(self, sides, chosen):
+        """The vertices of both sides in the order in which they are sewn."""
+        lines = [self.line(thing, group, vertices) for (thing, group), vertices in zip(sides, chosen)]
+        if None in lines:
+            return None
+        ((thing, group), (other, other_group)), ((first, ring), (second, other_ring)) = sides, lines
+        what = f'the seam of "{group}" of "{thing.name}" to "{other_group}" of "{other.name}"'
+        help = "choose Pairs: Nearest, which sews several vertices to one"
+        if len(first) != len(second):
+            self.problems.append(problem(f"{what} has {len(first)} vertices on one side, {len(second)} on the other",
+                                         f"give both the same number, or {help}", thing.name))
+            return None
+        if ring != other_ring:
+            self.problems.append(problem(f"{what} has a ring on one side, and a line with two ends on the other",
+                                         f"take a vertex of the ring out of its group, or {help}", thing.name))
+            return None
+        second = sewing.closest_order(first, places_of(thing), second, places_of(other), ring)
+        # At the tip of a dart both sides end in one vertex.
+        pairs = [(a, b) for a, b in zip(first, second) if (thing, a) != (other, b)]
+        if not pairs:
+            self.problems.append(problem(f"{what} has the same vertices on both sides", "choose another group", thing.name))
+        return [[a for a, _ in pairs], [b for _, b in pairs]]
+
+    def line(self, thing, group, vertices):
+        mesh = evaluated(thing).data
+        faces = {}
+        for polygon in mesh.polygons:
+            for key in polygon.edge_keys:
+                faces[key] = faces.get(key, 0) + 1
+        edges = [tuple(edge.key) for edge in mesh.edges]
+        try:
+            return sewing.line_of(vertices, [key for key in edges if faces.get(key, 0) < 2], edges)
+        except sewing.NoLine as error:
+            self.problems.append(problem(
+                f'"{thing.name}": vertex group "{group}", which a seam sews along the edges, is no single line of edges: {error}',
+                "keep one line of vertices in it, with a seam of its own for each piece, or choose Pairs: Nearest", thing.name, None,
+                error.vertex))
+            return None
+
     def body(self, body):
         thing = self.find(body["object"])
         if thing is None:
             return
         name, [first, last] = thing.name, self.job["frames"]
         bpy.context.scene.frame_set(first)
-        if not self.has_faces(thing, name):
+        if not self.takes_part(thing, name):
             return
         # Two frames at least: one alone is written as the window shows it, and bodies are as they are rendered.
         content = self.write(thing, name, body["file"], [first, max(last, first + 1)], "RENDER")
@@ -273,11 +424,14 @@ class Export:
     def run(self):
         if bpy.context.scene.name != self.job["scene"]:
             bpy.context.window.scene = bpy.data.scenes[self.job["scene"]]
+        leave_modes()
         # Bodies first: frames of garments are looked at where their modifiers are still needed by nothing.
         for body in self.job["bodies"]:
             self.body(body)
         for garment in self.job["garments"] + self.job["render_meshes"]:
             self.garment(garment)
+        for seam in self.job["seams"]:
+            self.seam(seam)
         put(self.folder / CONTENT, json.dumps(self.digests, indent=1, sort_keys=True).encode())
 
 
@@ -288,7 +442,7 @@ def main():
         bpy.ops.wm.open_mainfile(filepath=arguments[1])
     export = Export(job)
     export.run()
-    Path(job["answer"]).write_text(json.dumps({"problems": export.problems}), "utf-8")
+    Path(job["answer"]).write_text(json.dumps({"problems": export.problems, "seams": export.seams, "sizes": export.sizes}), "utf-8")
 
 
 main()

@@ -5,8 +5,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from . import answers, load_cache, state, work
-from .collect import division, run_folder
+from .collect import division, frames, run_folder
 from .scene_text import plain_name
+from .settings import is_garment
 
 
 class OBJECT_OT_drapery_mark(bpy.types.Operator):
@@ -56,6 +57,26 @@ class OBJECT_OT_drapery_pin_add(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class OBJECT_OT_drapery_seam_add(ActiveGarment, bpy.types.Operator):
+    """Sew vertices of a group to others: of a second garment that is selected, otherwise of this one"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_seam_add", "Add Seam", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        thing, scene = context.object, context.scene
+        others = [other for other in context.selected_objects if other != thing and is_garment(None, other)]
+        seam = thing.drapery.seams.add()
+        seam.other = others[0] if len(others) == 1 else thing
+        if thing.vertex_groups.active:
+            seam.group = thing.vertex_groups.active.name
+        if seam.other != thing and seam.other.vertex_groups.active:
+            seam.other_group = seam.other.vertex_groups.active.name
+        # Where the solver would close it, once the artist asks for frames.
+        seam.start = frames(scene)[0]
+        seam.closed = seam.start + round(scene.render.fps / scene.render.fps_base)
+        return {"FINISHED"}
+
+
 class OBJECT_OT_drapery_map_add(ActiveGarment, bpy.types.Operator):
     """Let a painted map change a quantity over the garment"""
 
@@ -71,14 +92,18 @@ class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
 
     bl_idname, bl_label, bl_options = "object.drapery_remove", "Remove", {"REGISTER", "UNDO"}
 
-    rows: EnumProperty(items=[("pins", "Pins", ""), ("maps", "Maps", "")])
+    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", "")])
     index: IntProperty(min=0)
 
     def execute(self, context):
         rows = getattr(context.object.drapery, self.rows)
         if self.index >= len(rows):
             return {"CANCELLED"}
-        rows.remove(self.index)
+        try:
+            rows.remove(self.index)
+        except TypeError:
+            self.report({"ERROR"}, "This row comes from the linked file; remove it there")
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 
@@ -327,7 +352,7 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 
 
 CLASSES = (
-    OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_map_add, OBJECT_OT_drapery_remove, SCENE_OT_drapery_write,
-    SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel,
-    SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
+    OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
+    OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate,
+    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip

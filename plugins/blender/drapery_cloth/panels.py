@@ -3,7 +3,7 @@
 import bpy
 
 from . import answers, load_cache, state
-from .collect import scene_folder
+from .collect import marked, scene_folder
 from .operators import runs
 from .pictures import OTHER
 
@@ -97,6 +97,37 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
         self.layout.operator("object.drapery_pin_add", icon="ADD")
 
 
+class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_seams", "Seams", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        thing = context.object
+        for index, seam in enumerate(thing.drapery.seams):
+            box = self.layout.box()
+            row = box.row()
+            row.prop_search(seam, "group", thing, "vertex_groups", text="")
+            button = row.operator("object.drapery_remove", text="", icon="X")
+            button.rows, button.index = "seams", index
+            box.prop(seam, "other")
+            if seam.other:
+                box.prop_search(seam, "other_group", seam.other, "vertex_groups")
+            box.prop(seam, "pairing")
+            box.prop(seam, "stiffness")
+            box.prop(seam, "own_closing")
+            if seam.own_closing:
+                row = box.row(align=True)
+                row.prop(seam, "start")
+                row.prop(seam, "closed")
+        for other in marked(context.scene, "GARMENT"):
+            for seam in other.drapery.seams:
+                if seam.other == thing != other:
+                    wrapped(self.layout, f'{seam.other_group}: sewn to "{seam.group}" of "{other.name}"', "INFO")
+        self.layout.operator("object.drapery_seam_add", icon="ADD")
+
+
 class VIEW3D_PT_drapery_maps(Panel, bpy.types.Panel):
     bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_maps", "Painted Maps", "VIEW3D_PT_drapery_object"
     bl_options = {"DEFAULT_CLOSED"}
@@ -154,6 +185,7 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
     bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
 
     def draw(self, context):
+        state.work().follow(context.scene)
         layout, view = self.layout, state.work().view(context.scene)
         row = layout.row(align=True)
         row.operator("scene.drapery_check", icon="CHECKMARK")
@@ -221,5 +253,5 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             layout.label(text=f"and {len(problems) - SHOWN} more")
 
 
-CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
+CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
            VIEW3D_PT_drapery_simulation)

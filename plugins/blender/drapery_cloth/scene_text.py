@@ -39,7 +39,8 @@ class Pin:
 class Body:
     """An animated mesh that cloth collides with; `thickness` in mm and `friction` are Drapery's own choice where None.
 
-    `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None.
+    `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None. Bodies are `sized`
+    that are so large or so small that the scene has to say that it is meant.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Body:
     rest: str | None = None
     thickness: float | None = None
     friction: float | None = None
+    sized: bool = False
 
 
 @dataclass
@@ -76,6 +78,20 @@ class RenderMesh:
 
     file: str
     rigid: list = field(default_factory=list)
+
+
+@dataclass
+class Seam:
+    """Vertices that are sewn together, first with first, or each of the first side to the nearest of the second one.
+
+    `sides` are names of garments. Times are in seconds since the first frame, None for the solver's own; `stiffness` in N/m.
+    """
+
+    sides: tuple
+    nearest: bool
+    stiffness: float
+    start: float | None = None
+    closed: float | None = None
 
 
 # Drag of cloth in air, normal to it [kg/m³] and along it [N s/m³]: docs/howto/flag.md.
@@ -129,8 +145,8 @@ def number(value):
     return f"{value:.6g}"
 
 
-def scene_text(shot, bodies, garments):
-    """The scene file. Garments come in wearing order, the closest to the skin first."""
+def scene_text(shot, bodies, garments, seams=()):
+    """The scene file. Garments come in wearing order, the closest to the skin first; each seam with the vertices of its sides."""
     lines = [
         "# Written by the Drapery add-on for Blender. On a farm:",
         f"#   cd to this folder; drapery run {SCENE_FILE}",
@@ -166,6 +182,8 @@ def scene_text(shot, bodies, garments):
         lines += body_lines(body)
     for garment in sorted(garments, key=lambda garment: garment.order):
         lines += garment_lines(garment)
+    for seam, vertices in seams:
+        lines += seam_lines(seam, vertices)
     return "\n".join(lines)
 
 
@@ -173,6 +191,8 @@ def body_lines(body):
     lines = ["[[body]]", f"name = {quoted(body.name)}", f"file = {quoted(body.file)}"]
     if body.rest:
         lines.append(f"rest = {quoted(body.rest)}")
+    if body.sized:
+        lines.append('units = { length = "m", up = "Y" }')
     if body.thickness is not None:
         lines.append(f'thickness = "{number(body.thickness)} mm"')
     if body.friction is not None:
@@ -207,17 +227,30 @@ def garment_lines(garment):
     return lines
 
 
+def seam_lines(seam, vertices):
+    lines = ["[[seam]]"]
+    for key, name, numbers in zip(("from", "to"), seam.sides, vertices):
+        lines.append(f"{key} = {{ garment = {quoted(name)}, vertices = {json.dumps(numbers)} }}")
+    if seam.nearest:
+        lines.append('pairing = "nearest"')
+    lines.append(f'strength = "{number(seam.stiffness)} N/m"')
+    if seam.start is not None:
+        lines += [f'start = "{seam.start:.9g} s"', f'closed = "{seam.closed:.9g} s"']
+    return [*lines, ""]
+
+
 def object_at_line(text, line):
-    """The name of the body or garment whose table a line of a scene file (from 1) stands in, or None."""
+    """The name of the body or garment (of a seam the first one) whose table a line of a scene file (from 1) stands in, or None."""
     found = None
     for row in text.splitlines()[:line]:
         if re.match(r"\[(?!\[garment\.|garment\.)", row):
             found = None
-        match = re.match(r'name = "(.*)"$', row)
-        found = match[1] if match else found
+        match = re.match(r'name = "(.*)"$|from = \{ garment = "(.*?)"', row)
+        found = match[1] or match[2] if match else found
     if found is None:
         # The line may be the head of its table, before the name.
         rest = text.splitlines()[line - 1 : line + 1]
-        match = re.match(r'name = "(.*)"$', rest[1]) if len(rest) > 1 and rest[0] in ("[[body]]", "[[garment]]") else None
-        found = match[1] if match else None
+        head = len(rest) > 1 and rest[0] in ("[[body]]", "[[garment]]", "[[seam]]")
+        match = re.match(r'name = "(.*)"$|from = \{ garment = "(.*?)"', rest[1]) if head else None
+        found = (match[1] or match[2]) if match else None
     return found

@@ -36,6 +36,8 @@ QUANTITIES = [
     ("wind", "Wind", "Share of the wind that is felt"),
 ]
 
+OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
            ("ATTRIBUTE", "Attribute", "A named attribute; of a colour, its red")]
 
@@ -48,10 +50,23 @@ def is_render_mesh(own, thing):
     return thing.type == "MESH" and thing.drapery.role == "NONE"
 
 
+def is_garment(seam, thing):
+    return thing.type == "MESH" and thing.drapery.role == "GARMENT"
+
+
+def overridable(kind):
+    """Keeps what is set on a library override of a linked object; Blender forgets all else when the file is opened again."""
+    for deferred in kind.__annotations__.values():
+        rows = {"USE_INSERTION"} if deferred.function is CollectionProperty else set()
+        deferred.keywords["override"] = OVERRIDABLE | rows
+    return kind
+
+
 def fabric_entries(self, context):
     return state.pictures().fabric_entries()
 
 
+@overridable
 class DraperyPin(bpy.types.PropertyGroup):
     """Vertices of a garment that are held."""
 
@@ -65,6 +80,31 @@ class DraperyPin(bpy.types.PropertyGroup):
     stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
 
 
+@overridable
+class DraperySeam(bpy.types.PropertyGroup):
+    """Vertices of a garment that are sewn to others, of this garment or of another one."""
+
+    group: StringProperty(name="Vertex Group", description="Vertices of this garment with a weight above one half are sewn")
+    other: PointerProperty(name="To", type=bpy.types.Object, poll=is_garment,
+                           description="The garment on the other side; this one itself, to sew two of its own groups together")
+    other_group: StringProperty(name="Its Group", description="Vertices of the other side: those with a weight above one half")
+    pairing: EnumProperty(
+        name="Pairs", default="LINE",
+        items=[("LINE", "Along the Edges", "Each group is a single line of edges, or a ring, and both have the same number of vertices. "
+                "They are sewn one by one from end to end; of the two directions (and the starts of a ring) the one that brings the "
+                "sides closest where they start"),
+               ("NEAREST", "Nearest", "Each vertex of this group to the vertex of the other one that is nearest where they start. "
+                "Several may meet in one, and vertices of the other side may stay free: begin with the group that has more")])
+    stiffness: FloatProperty(name="Stiffness (N/m)", default=400.0, min=1e-3, max=1e7,
+                             description="Of each pair of vertices; a seam that is pulled opens by force over stiffness")
+    own_closing: BoolProperty(name="Closing Frames", description="Off: the gaps close evenly from the start of the simulation to the "
+                              "first frame, or over one second if there is no pre-roll")
+    start: IntProperty(name="From", default=1, description="Frame at which the gaps begin to close; before the first frame is the pre-roll")
+    closed: IntProperty(name="Closed At", default=25, description="Frame from which the gaps are closed; the same as the one before closes "
+                        "them at once")
+
+
+@overridable
 class DraperyMap(bpy.types.PropertyGroup):
     """A quantity that is painted."""
 
@@ -73,6 +113,7 @@ class DraperyMap(bpy.types.PropertyGroup):
     name: StringProperty(name="Map", description="Vertex group or attribute; 1 is the garment's own number, 0.5 half of it")
 
 
+@overridable
 class DraperyObject(bpy.types.PropertyGroup):
     """What an object is for Drapery."""
 
@@ -105,6 +146,7 @@ class DraperyObject(bpy.types.PropertyGroup):
     rigid: StringProperty(name="Rigid", description="Materials of the render mesh whose pieces do not bend, with commas between "
                           "them: button*, buckle")
     pins: CollectionProperty(type=DraperyPin)
+    seams: CollectionProperty(type=DraperySeam)
     maps: CollectionProperty(type=DraperyMap)
     own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
     friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
@@ -163,7 +205,7 @@ class DraperyPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "exporter")
 
 
-CLASSES = (DraperyPin, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+CLASSES = (DraperyPin, DraperySeam, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
 # What gets a property `drapery`, and of which kind.
 PROPERTIES = ((bpy.types.Object, DraperyObject), (bpy.types.Scene, DraperyScene))
 

@@ -58,8 +58,9 @@ class Work:
         self.task = None
         self.task_scene = None
         self.process = None
-        self.folder = None
         self.watched = {}
+        # The folder of each scene's run when it was looked at last; a scene or a file gets another one with another name.
+        self.folders = {}
         self.questions = {}
         # When a run is asked about next.
         self.next_question = {}
@@ -95,11 +96,33 @@ class Work:
 
     def look_at_folder(self, scene):
         """Asks about the run in the scene's folder, if there is one: it may have run since before Blender was opened."""
-        folder = run_folder(scene)
+        folder = self.folders[scene.name] = run_folder(scene)
         if folder and (folder / "manifest.json").exists():
             self.watched.setdefault(scene.name, None)
             self.next_question.pop(scene.name, None)
             self.wake()
+
+    def follow(self, scene):
+        """Looks at another folder than before if the scene has another one now."""
+        if self.folders.get(scene.name, ()) == run_folder(scene):
+            return
+        view = self.view(scene)
+        view.lines = []
+        # Those of scenes that have another name now, too.
+        for name in [name for name in self.folders if name == scene.name or name not in bpy.data.scenes]:
+            self.leave(name, view)
+        view.status, view.warnings, view.doing, view.stopping = None, [], "", False
+        self.look_at_folder(scene)
+
+    def leave(self, name, view):
+        """Asks no more about the run of a scene, and says in a view where it goes on."""
+        folder, simulation = self.folders.pop(name), self.watched.pop(name, None)
+        status = self.views[name].status if name in self.views else None
+        if name in self.questions:
+            self.questions.pop(name).end()
+        if simulation is not None and simulation.code is None or status and status.running:
+            view.lines = [f"The simulation in {folder} goes on. Its scene or folder has another name now: give back the earlier one to stop "
+                          "it, or name its folder under From to load it"]
 
     def look_later(self):
         """Looks for runs of the open file at the next tick."""
@@ -115,6 +138,7 @@ class Work:
         """Asks about the scene's run and waits for the answer: in a Blender without a window no timer does."""
         if self.unseen:
             self.look_at_all()
+        self.follow(scene)
         self.next_question.pop(scene.name, None)
         if scene.name in self.watched:
             self.watch(scene.name)
@@ -142,7 +166,7 @@ class Work:
         self.stop_task()
         for process in self.questions.values():
             process.end()
-        self.views, self.watched, self.questions, self.next_question, self.unseen = {}, {}, {}, {}, False
+        self.views, self.watched, self.folders, self.questions, self.next_question, self.unseen = {}, {}, {}, {}, {}, False
 
     def remove(self):
         """The add-on is unregistered: processes of its own end, simulations run on."""
@@ -174,7 +198,8 @@ class Work:
         elif self.process:
             self.follow_export()
         for name in list(self.watched):
-            self.watch(name)
+            if name in self.watched:
+                self.watch(name)
         return self.busy or bool(self.watched)
 
     def go_on(self, done):
@@ -213,12 +238,12 @@ class Work:
 
     def watch(self, name):
         """Asks about a run once a second, until it runs no more."""
-        scene = bpy.data.scenes.get(name)
-        folder = scene and run_folder(scene)
-        if not folder:
-            self.watched.pop(name)
-            if name in self.questions:
-                self.questions.pop(name).end()
+        scene, folder = bpy.data.scenes.get(name), self.folders[name]
+        if scene is None:
+            self.leave(name, self.view(bpy.context.scene))
+            return
+        if run_folder(scene) != folder:
+            self.follow(scene)
             return
         view, simulation = self.view(scene), self.watched[name]
         question = self.questions.get(name)
@@ -335,7 +360,8 @@ def write(scene, view):
             tail = [line for line in (done.output + done.errors).splitlines() if line.strip()][-1:]
             raise Failed(Problem(f"Blender in the background ended with code {done.code}: {' '.join(tail)}",
                                  "save the file, open it again and try once more"))
-        found = json.loads(answer.read_text("utf-8"))["problems"]
+        answered = json.loads(answer.read_text("utf-8"))
+        found = answered["problems"]
         if found:
             raise Failed(*(Problem(**(each | {"object": each["object"] and plain_name(each["object"])})) for each in found))
     finally:
@@ -343,7 +369,7 @@ def write(scene, view):
             exporting.end()
         shutil.rmtree(between, ignore_errors=True)
     beside = folder / (SCENE_FILE + ".part")
-    beside.write_text(collected.text, "utf-8")
+    beside.write_text(collected.text(answered["seams"], answered["sizes"]), "utf-8")
     os.replace(beside, folder / SCENE_FILE)
     return collected
 
@@ -366,6 +392,14 @@ def solver_or_failed():
         raise Failed(Problem(str(error))) from error
 
 
+def same_scene(name, folder):
+    """The scene of a task that has waited: Undo may have made another object of it. Raises `Failed` where it has another name now."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None or scene_folder(scene) != folder:
+        raise Failed(Problem(f'The scene "{name}" or its file has another name now', "press the button again"))
+    return scene
+
+
 def write_task(scene, view):
     """Writes the scene folder and nothing else."""
     collected = yield from write(scene, view)
@@ -378,7 +412,7 @@ def check_task(scene, view):
     collected = yield from write(scene, view)
     view.doing, view.share = "Checking every frame", None
     answer = yield from ask_solver(solver, collected.folder, "check", SCENE_FILE, "--json")
-    view.problems = answers.warnings_of(answer)
+    view.problems = collected.warnings + answers.warnings_of(answer)
     return ["No problems" if not view.problems else "It can be simulated; the warnings may be meant"]
 
 
@@ -388,14 +422,15 @@ def plan_task(scene, view):
     collected = yield from write(scene, view)
     view.doing, view.share = "Planning", None
     answer = yield from ask_solver(solver, collected.folder, "plan", SCENE_FILE, "--json")
-    view.problems = answers.warnings_of(answer)
+    view.problems = collected.warnings + answers.warnings_of(answer)
     return answers.plan_lines(answer)
 
 
 def simulate_task(scene, view, *options):
     """Writes the scene folder, checks it and starts the simulation."""
+    name, folder = scene.name, scene_folder(scene)
     yield from check_task(scene, view)
-    start_simulation(scene, *options)
+    start_simulation(same_scene(name, folder), *options)
     return []
 
 
@@ -408,6 +443,7 @@ def start_simulation(scene, *options):
     view.status, view.doing, view.refused, view.stopping = None, "Starting", False, False
     view.warnings = []
     work.watched[scene.name] = Simulation(line, str(folder), solver.environment, folder / "simulate.log")
+    work.folders[scene.name] = run_folder(scene)
     work.next_question.pop(scene.name, None)
     work.wake()
 
@@ -421,7 +457,8 @@ def continue_task(scene, view):
 
 def cancel_task(scene, view):
     """Asks the run of a scene to end at a checkpoint, on whatever machine it runs."""
-    yield from ask_solver(solver_or_failed(), scene_folder(scene), "stop", run_folder(scene))
+    name, folder = scene.name, scene_folder(scene)
+    yield from ask_solver(solver_or_failed(), folder, "stop", run_folder(scene))
     view.stopping = True
-    state.work().look_at_folder(scene)
+    state.work().look_at_folder(same_scene(name, folder))
     return []

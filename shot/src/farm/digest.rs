@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf, absolute};
 use drapery_io::error::IoError;
 use drapery_io::input_file;
 use drapery_io::memory_mesh::{MemoryMesh, MemoryMeshes};
-use drapery_io::scene_file::{Defaults, FILES, UNSAID};
+use drapery_io::scene_file::{Defaults, UNSAID, names_file};
 use drapery_io::sha256::hex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -240,8 +240,8 @@ fn is_free(key: &str) -> bool {
 
 /// Content of the file that a value names, and what the value says besides (`@101`, the frame in the file).
 fn by_content<'a>(digests: &'a Digests, key: &str, value: &'a str) -> Option<(&'a str, &'a str)> {
-    let last = key.rsplit('.').next().unwrap_or(key);
-    if !FILES.contains(&last) {
+    let (table, last) = key.rsplit_once('.').unwrap_or(("", key));
+    if !names_file(table, last) {
         return None;
     }
     let text = value.strip_prefix('"')?.strip_suffix('"')?;
