@@ -15,7 +15,6 @@ use drapery_shot::farm::stop::{Reason, Signal, SignalOrder, StopRequests};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
-use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 

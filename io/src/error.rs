@@ -161,9 +161,10 @@ pub enum IoError {
     },
     /// The lock of a run, or the folder with it, is no longer under its name, and no other run has put its own there.
     #[error(
-        "{}: another program has removed or renamed this {} while a run wrote into the folder; the run stops and writes nothing more\n  \
-         help: run the same command again, with the new name of the folder after --out if it has one; it resumes from the last \
-         checkpoint that is there",
+        "{}: another program has removed or renamed this {} while a run wrote into the folder; the run stops and \
+         writes nothing more\n  \
+         help: run the same command again, with the new name of the folder after --out if it has one; it resumes \
+         from the last checkpoint that is there",
         path.display(), if *is_folder { "folder" } else { "lock" }
     )]
     LockGone {

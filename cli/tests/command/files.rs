@@ -371,7 +371,9 @@ fn limited(folder: &Path, limit: &str, arguments: &[&str]) -> Outcome {
     let program = env!("CARGO_BIN_EXE_drapery");
     let mut shell = std::process::Command::new("bash");
     shell.current_dir(folder).args(["-c", &format!("{limit}; exec \"$@\""), "bash", program]).args(arguments);
-    drapery_selftest::bench::VARIABLES.iter().for_each(|name| drop(shell.env_remove(name)));
+    for name in drapery_selftest::bench::VARIABLES {
+        shell.env_remove(name);
+    }
     shell.stdin(Stdio::null()).output().expect("a shell").into()
 }
 

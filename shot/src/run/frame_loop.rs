@@ -112,7 +112,11 @@ impl Shot {
                     run.leave_bundle(&error, observer);
                     let _ = run.output.fail(&error);
                 }
-                Err(error)
+                // Where the folder is gone, whatever was to be written into it next could not be found.
+                Err(match (error, run.lock.check()) {
+                    (ShotError::Io(_), Err(gone)) => gone.into(),
+                    (error, _) => error,
+                })
             }
         }
     }
