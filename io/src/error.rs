@@ -319,7 +319,11 @@ fn is_about_the_name(error: &std::io::Error) -> bool {
 /// Whether the system refuses because the process, or the machine, has as many files open as it may.
 pub fn is_out_of_files(error: &std::io::Error) -> bool {
     use rustix::io::Errno;
-    [Errno::MFILE, Errno::NFILE].iter().any(|errno| error.raw_os_error() == Some(errno.raw_os_error()))
+    match error.raw_os_error() {
+        Some(number) => [Errno::MFILE, Errno::NFILE].iter().any(|errno| errno.raw_os_error() == number),
+        // HDF5 tells in words alone.
+        None => error.to_string().contains("Too many open files"),
+    }
 }
 
 /// What to do about an error of the system; `usual` where the error itself does not say.
