@@ -96,7 +96,7 @@ fn plain(path: &Path) -> String {
 mod tests {
     use super::*;
 
-    fn told(layers: &[&str]) -> Option<String> {
+    fn problem_in(layers: &[&str]) -> Option<String> {
         let mut classes = Classes::default();
         let takes = |layer: &&str| classes.take(&SharedBuffer::new(format!("#usda 1.0\n{layer}").into_bytes()));
         layers.iter().filter_map(takes).last()
@@ -110,7 +110,7 @@ mod tests {
             "def \"a\" { class \"c\" {} def \"b\" (inherits = [</a/c>, <../c>]) {} }",
             "def \"a\" (specializes = </b>) { def \"x\" (inherits = </b/x>) {} }\nclass \"b\" { def \"x\" {} }",
         ] {
-            assert_eq!(told(&[right]), None, "{right}");
+            assert_eq!(problem_in(&[right]), None, "{right}");
         }
         for (wrong, way) in [
             ("class \"c\" (inherits = </c>) {}", "/c → /c"),
@@ -122,12 +122,12 @@ mod tests {
             ),
             ("def \"a\" (inherits = </k>) {}\nclass \"k\" { def \"x\" (inherits = </a/x>) {} }", "/a/x → /k/x → /a/x"),
         ] {
-            let said = told(&[wrong]).unwrap_or_default();
+            let said = problem_in(&[wrong]).unwrap_or_default();
             assert!(said.contains("in a circle") && said.contains(way), "{wrong}: {said}");
         }
         let halves = ["class \"c\" (inherits = </d>) {}", "over \"d\" (inherits = </c>) {}"];
-        assert!(told(&halves).unwrap_or_default().contains("/c → /d → /c"));
+        assert!(problem_in(&halves).unwrap_or_default().contains("/c → /d → /c"));
         let chain: String = (0..300).map(|i| format!("class \"c{i}\" (inherits = </c{}>) {{}}\n", i + 1)).collect();
-        assert!(told(&[&chain]).unwrap_or_default().contains("more than 256 deep"));
+        assert!(problem_in(&[&chain]).unwrap_or_default().contains("more than 256 deep"));
     }
 }
