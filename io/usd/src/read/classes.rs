@@ -120,7 +120,7 @@ mod tests {
                  { variantSet \"v\" = { \"x\" (inherits = </a>) {} } }",
                 "/a → /a",
             ),
-            ("def \"a\" (inherits = </k>) {}\nclass \"k\" { def \"x\" (inherits = </a/x>) {} }", "/a/x → /k/x → /a/x"),
+            ("def \"a\" (inherits = </k>) {}\nclass \"k\" { def \"x\" (inherits = </a/x>) {} }", "/k/x → /a/x → /k/x"),
         ] {
             let said = problem_in(&[wrong]).unwrap_or_default();
             assert!(said.contains("in a circle") && said.contains(way), "{wrong}: {said}");
