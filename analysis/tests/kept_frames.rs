@@ -157,6 +157,14 @@ fn a_record_without_digests_is_no_error_but_is_said_once() {
 }
 
 #[test]
+fn a_cache_of_which_no_frame_could_be_compared_is_not_said_to_keep_every_rule() {
+    let (_folder, whole, _) = stopped();
+    fs::write(whole.join("run.jsonl"), "").unwrap();
+    let found = verify::recorded(&whole, &[]).unwrap();
+    assert!(found.failures.len() == 2 && found.failures[0].contains("no digests"), "{found:?}");
+}
+
+#[test]
 fn a_run_whose_frames_are_said_to_be_there_looks_for_them() {
     let (_folder, whole, out) = stopped();
     assert_eq!(run(&whole, 1008, Resume::Auto).0.unwrap().outcome, Outcome::NothingToDo);

@@ -88,6 +88,7 @@ impl Environment {
                     Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
                 }
                 SceneErrorKind::Scene | SceneErrorKind::Memory => Failure::new(ExitCode::Scene, error.to_string()),
+                SceneErrorKind::Reading => Failure::new(ExitCode::Io, error.to_string()),
                 SceneErrorKind::Data => Failure::new(ExitCode::BadInput, error.to_string()),
             })?,
         };

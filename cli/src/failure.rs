@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use drapery_analysis::study::error::StudyError;
-use drapery_io::error::IoError;
+use drapery_io::error::{IoError, OPEN_FILES, is_out_of_files};
 use drapery_io::scene_file::SceneFileError;
 use drapery_shot::ShotError;
 use drapery_shot::fault::FaultKind;
@@ -23,7 +23,16 @@ pub(crate) struct Failure {
 impl Failure {
     /// An error with its text.
     pub(crate) fn new(code: ExitCode, text: impl Into<String>) -> Self {
-        Self { code, text: say::visible(&text.into()) }
+        Self { code, text: say::message(&text.into()) }
+    }
+
+    /// The system refuses what every process needs: threads, or files that are open. `what` is what could not be done.
+    pub(crate) fn refused(what: &str, error: &std::io::Error) -> Self {
+        let (code, help) = match is_out_of_files(error) {
+            true => (ExitCode::Io, OPEN_FILES),
+            false => (ExitCode::NoMemory, MORE_THREADS),
+        };
+        Self::new(code, format!("{what}: {error}\n  help: {help}"))
     }
 
     /// A fault of the program itself; the panic has printed its own message.
@@ -37,6 +46,10 @@ impl Failure {
         say::complaint(format_args!("Error: {}", self.text));
     }
 }
+
+/// What to do when the system starts no more threads.
+pub(crate) const MORE_THREADS: &str =
+    "ask for fewer threads (--threads), or allow more processes and memory (ulimit -u, ulimit -v)";
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -117,13 +130,13 @@ struct SceneExcerpt {
 /// The error with an excerpt of the scene and a mark under the words that are meant.
 fn excerpt(error: SceneFileError) -> String {
     let Some(location) = error.location.as_ref().filter(|location| location.fits_a_screen()) else {
-        return say::visible(&format!("{error}\n"));
+        return say::message(&format!("{error}\n"));
     };
     // As many bytes as before, so that the mark stays under the words.
     let seen = |c: char| c.is_ascii_control() && !matches!(c, '\n' | '\r' | '\t');
     let report = SceneExcerpt {
-        message: say::visible(&error.message),
-        help: error.help.as_deref().map(say::visible),
+        message: say::message(&error.message),
+        help: error.help.as_deref().map(say::message),
         source_text: NamedSource::new(say::visible(&location.source_name), location.source.replace(seen, "?").into()),
         span: location.span.clone().into(),
     };
@@ -134,6 +147,6 @@ fn excerpt(error: SceneFileError) -> String {
     match handler.render_report(&mut text, &report) {
         Ok(()) => text,
         // The plain form has its own excerpt.
-        Err(_) => say::visible(&format!("{error}\n")),
+        Err(_) => say::message(&format!("{error}\n")),
     }
 }

@@ -55,7 +55,7 @@ unsafe impl GlobalAlloc for Noting {
 /// From now on a program that aborts after memory was refused ends with its exit code. The standard library has then said how
 /// much was asked for.
 pub(crate) fn watch() -> Result<(), Failure> {
-    let failure = |error| Failure::new(ExitCode::Internal, format!("aborts cannot be watched: {error}"));
+    let failure = |error| Failure::refused("aborts cannot be watched", &error);
     signal_hook::flag::register_conditional_shutdown(SIGABRT, ExitCode::NoMemory as i32, &REFUSED).map_err(failure)?;
     Ok(())
 }

@@ -9,7 +9,7 @@ use drapery_shot::remote_simulation;
 use crate::args::Command;
 use crate::config::Resolved;
 use crate::exit_code::ExitCode;
-use crate::failure::Failure;
+use crate::failure::{Failure, MORE_THREADS};
 use crate::signals::{self, Unasked};
 
 #[cfg(feature = "mpi")]
@@ -106,7 +106,7 @@ pub(crate) fn start_threads(
     };
     let all =
         remote_simulation::start_threads(ranks, asked.map(|asked| asked.value), &|threads| start_pool(ranks, threads));
-    let all = all.map_err(|error| Failure::new(ExitCode::Internal, error))?;
+    let all = all.map_err(|error| Failure::new(ExitCode::NoMemory, error))?;
     Ok((Resolved { value: all[0], source }, all))
 }
 
@@ -114,7 +114,8 @@ pub(crate) fn start_threads(
 fn start_pool(ranks: &Ranks, threads: Option<usize>) -> Result<usize, String> {
     let threads = threads.unwrap_or_else(|| processors(ranks));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    pool.map(|()| threads).map_err(|e| format!("{threads} threads could not be started: {e}"))
+    pool.map(|()| threads)
+        .map_err(|error| format!("{threads} threads could not be started: {error}\n  help: {MORE_THREADS}"))
 }
 
 /// Processors that this rank has for itself: those that it may use, divided by the ranks on this machine that may use the same.

@@ -27,6 +27,27 @@ pub(crate) fn visible(text: &str) -> String {
     text.replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
 }
 
+/// The same as a message: a line that is longer than any path is shown without its middle.
+pub(crate) fn message(text: &str) -> String {
+    let lines: Vec<String> = visible(text).split('\n').map(short).collect();
+    lines.join("\n")
+}
+
+/// Longest line of a message [bytes]: a path of the longest that systems know, and words around it.
+const LONGEST_LINE: usize = 6000;
+
+/// What is shown of the end of a longer line [bytes].
+const END_SHOWN: usize = 500;
+
+fn short(line: &str) -> String {
+    if line.len() <= LONGEST_LINE {
+        return line.to_owned();
+    }
+    let (start, rest) = line.split_at(line.floor_char_boundary(LONGEST_LINE - END_SHOWN));
+    let (left_out, end) = rest.split_at(rest.ceil_char_boundary(rest.len() - END_SHOWN));
+    format!("{start}[… {} bytes …]{end}", left_out.len())
+}
+
 /// What it is called where something is printed.
 pub(crate) const STANDARD_OUTPUT: &str = "standard output";
 
@@ -63,7 +84,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_to_a_terminal_are_not_printed() {
+    fn commands_to_a_terminal_are_not_printed_and_messages_are_not_longer_than_screens() {
+        let long = format!("é{}z\nend", "é".repeat(1_000_000));
+        let shown = message(&long);
+        assert!(shown.len() < 6100 && shown.starts_with("éé") && shown.ends_with("z\nend"), "{}", shown.len());
+        assert!(shown.contains(" bytes …]") && message("short\u{1b}") == "short\u{fffd}");
         assert_eq!(visible("a\tb\n\u{1b}[2Jc\u{9b}1m\r\u{7f}é"), "a\tb\n\u{fffd}[2Jc\u{fffd}1m\u{fffd}\u{fffd}é");
     }
 }

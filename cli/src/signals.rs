@@ -8,13 +8,13 @@
 //! second signal came, the program ends without being asked after a while: as after SIGKILL, files are what they were at the last
 //! checkpoint, but with the exit code of a stop.
 
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use drapery_shot::farm::stop::{Reason, Signal, SignalOrder, StopRequests};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
-use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
@@ -37,7 +37,7 @@ const START: u64 = 1;
 /// Hands signals on as requests, from now until the program ends. To be called once, before anything takes long. `unasked` is what
 /// the program ends with where the run does not ask for requests.
 pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), Failure> {
-    let failure = |error| Failure::new(ExitCode::Internal, format!("signals cannot be listened to: {error}"));
+    let failure = |error| Failure::refused("signals cannot be listened to", &error);
     let heard = HEARD.iter().map(|(number, _)| *number).filter(|number| *number != SIGHUP || !is_ignored(SIGHUP));
     let mut signals = Signals::new(heard).map_err(failure)?;
     let (requests, unasked) = (requests.clone(), unasked.clone());
@@ -52,6 +52,12 @@ pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), F
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failure)?;
     Ok(())
+}
+
+/// From now on a file that may not grow any more (`ulimit -f`) is an error of writing, and does not end the program by a signal.
+pub(crate) fn outlive_limits_of_files() -> Result<(), Failure> {
+    let registered = signal_hook::flag::register(SIGXFSZ, Arc::default());
+    registered.map(drop).map_err(|error| Failure::refused("limits of files cannot be watched", &error))
 }
 
 /// Whether whoever has started the program wants it to ignore a signal, as `nohup` does; taken for granted where the system does

@@ -210,7 +210,10 @@ fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError
         let all: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
         return Err(IoError::Format {
             path: to.clone(),
-            what: format!("caches are not written as .{extension} files"),
+            what: match extension.as_ref() {
+                "" => "this name has no ending that says the format".to_owned(),
+                _ => format!("caches are not written as .{extension} files"),
+            },
             advice: format!("give a file that ends with {}", all.join(", ")),
         });
     };

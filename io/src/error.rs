@@ -21,8 +21,8 @@ pub enum IoError {
     /// A file could not be read.
     #[error(
         "{}: could not be read: {source}\n  \
-         help: check that it is a file and that you may read it",
-        path.display()
+         help: {}",
+        path.display(), advice_on_reading(source)
     )]
     Read {
         /// The file.
@@ -78,8 +78,8 @@ pub enum IoError {
     /// An output file or folder could not be created.
     #[error(
         "{}: could not be created: {source}\n  \
-         help: check that the folder exists and that you may write there",
-        path.display()
+         help: {}",
+        path.display(), advice_on(source, "check that the folder exists and that you may write there")
     )]
     Create {
         /// The file or folder.
@@ -90,8 +90,8 @@ pub enum IoError {
     /// Writing to an output file failed.
     #[error(
         "{}: could not be written: {source}\n  \
-         help: the disk may be full; frames before this one are intact",
-        path.display()
+         help: {}",
+        path.display(), advice_on(source, "the disk may be full; frames before this one are intact")
     )]
     Write {
         /// The file.
@@ -158,6 +158,20 @@ pub enum IoError {
         path: PathBuf,
         /// Who holds it now.
         taker: String,
+    },
+    /// The lock of a run, or the folder with it, is no longer under its name, and no other run has put its own there.
+    #[error(
+        "{}: another program has removed or renamed this {} while a run wrote into the folder; the run stops and \
+         writes nothing more\n  \
+         help: run the same command again, with the new name of the folder after --out if it has one; it resumes \
+         from the last checkpoint that is there",
+        path.display(), if *is_folder { "folder" } else { "lock" }
+    )]
+    LockGone {
+        /// The folder or the lock.
+        path: PathBuf,
+        /// Whether it is the folder.
+        is_folder: bool,
     },
     /// A file that is to be written is there already.
     #[error(
@@ -237,14 +251,19 @@ impl IoError {
     /// Whose fault it is.
     pub fn kind(&self) -> IoErrorKind {
         match self {
-            Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
+            Self::Missing { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
+            Self::Read { source, .. } if is_about_the_name(source) => IoErrorKind::MissingInput,
+            Self::Read { .. } | Self::LockGone { .. } => IoErrorKind::Io,
+            Self::Create { source, .. } if is_out_of_files(source) => IoErrorKind::Io,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
             Self::OutputNotUtf8 { .. } | Self::OutputNotAFile { .. } => IoErrorKind::CannotCreate,
             Self::FileExists { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } | Self::OutputChanged { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
-            Self::Alembic(AlembicError::Io { action: "create", source, .. }) if !has_no_room(source) => {
+            Self::Alembic(AlembicError::Io { action: "create", source, .. })
+                if !has_no_room(source) && !is_out_of_files(source) =>
+            {
                 IoErrorKind::CannotCreate
             }
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
@@ -290,9 +309,61 @@ fn has_no_room(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
 }
 
+/// Whether a file cannot be read because of its name or its permissions: another attempt will not read it either.
+fn is_about_the_name(error: &std::io::Error) -> bool {
+    use ErrorKind::{InvalidFilename, NotADirectory, NotFound, PermissionDenied};
+    let loops = error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error());
+    loops || matches!(error.kind(), NotFound | PermissionDenied | NotADirectory | InvalidFilename)
+}
+
+/// Whether the system refuses because the process, or the machine, has as many files open as it may.
+pub fn is_out_of_files(error: &std::io::Error) -> bool {
+    use rustix::io::Errno;
+    match error.raw_os_error() {
+        Some(number) => [Errno::MFILE, Errno::NFILE].iter().any(|errno| errno.raw_os_error() == number),
+        // HDF5 tells in words alone.
+        None => error.to_string().contains("Too many open files"),
+    }
+}
+
+/// What to do about an error of the system; `usual` where the error itself does not say.
+fn advice_on<'a>(error: &std::io::Error, usual: &'a str) -> &'a str {
+    if is_out_of_files(error) { OPEN_FILES } else { usual }
+}
+
+/// What to do when a file cannot be read.
+fn advice_on_reading(error: &std::io::Error) -> &'static str {
+    let usual = if is_about_the_name(error) {
+        "check that it is a file and that you may read it"
+    } else {
+        "look after the disk or the file server, and run the same command again"
+    };
+    advice_on(error, usual)
+}
+
+/// What to do when no more files can be opened.
+pub const OPEN_FILES: &str = "allow more open files (ulimit -n) and run the same command again";
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_another_attempt_may_read_is_an_error_of_reading_and_what_it_cannot_is_a_missing_input() {
+        use rustix::io::Errno;
+        let path = Path::new("body.abc");
+        let reading = |errno: Errno| IoError::reading(path, errno.into());
+        for errno in [Errno::IO, Errno::STALE, Errno::MFILE, Errno::NFILE, Errno::TIMEDOUT, Errno::NOMEM] {
+            assert_eq!(reading(errno).kind(), IoErrorKind::Io, "{errno}");
+        }
+        for errno in [Errno::NOENT, Errno::ACCESS, Errno::PERM, Errno::NOTDIR, Errno::LOOP, Errno::NAMETOOLONG] {
+            assert_eq!(reading(errno).kind(), IoErrorKind::MissingInput, "{errno}");
+        }
+        for error in [reading(Errno::MFILE), IoError::creating(path, Errno::MFILE.into())] {
+            assert_eq!(error.kind(), IoErrorKind::Io);
+            assert!(error.to_string().contains("ulimit -n"), "{error}");
+        }
+    }
 
     #[test]
     fn a_full_disk_is_an_error_of_writing_whether_a_file_is_created_or_written() {

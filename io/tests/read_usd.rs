@@ -284,3 +284,14 @@ fn a_stage_is_summed_up_mesh_by_mesh_also_those_that_are_broken() {
     assert!(summary.meshes[1].problem.as_ref().unwrap().contains("no points"), "{:?}", summary.meshes[1]);
     assert_eq!(summary.others, [("/c".to_owned(), "Camera".to_owned())]);
 }
+
+#[test]
+fn prims_that_inherit_from_each_other_in_a_circle_are_refused_with_the_circle() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = tetrahedron("m", "") + "class \"c\" (inherits = </d>) {}\nclass \"d\" (inherits = </c>) {}\n";
+    let inherits = body.replacen("def Mesh \"m\"", "def Mesh \"m\" (inherits = </c>)", 1);
+    assert_ne!(inherits, body);
+    let path = stage(folder.path(), "circle.usda", "", &inherits);
+    let said = formats::inspect(&path).unwrap_err().to_string();
+    assert!(said.contains("circle.usda") && said.contains("/c → /d → /c") && said.contains("help:"), "{said}");
+}

@@ -38,6 +38,17 @@ pub enum ShotError {
         /// What has changed.
         changes: Vec<String>,
     },
+    /// What the run that the folder holds depended on is not known.
+    #[error(
+        "{}: this file is missing or damaged, and only it says whether the run in this folder is of the same shot\n  \
+         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes, which takes \
+         everything as changed",
+        path.display()
+    )]
+    FingerprintLost {
+        /// The file.
+        path: PathBuf,
+    },
     /// The checkpoint that a run goes on from does not fit the shot as it is now.
     #[error(
         "{}: this checkpoint is of another shot: {what}\n  \

@@ -107,6 +107,7 @@ impl FaultKind {
             ShotError::Io(error) => Self::of_io(error),
             ShotError::Unknown(_) | ShotError::Frames(_) | ShotError::Resume(_) => Self::Usage,
             ShotError::Changed { .. } | ShotError::OtherState { .. } => Self::CannotCreate,
+            ShotError::FingerprintLost { .. } => Self::CannotCreate,
             ShotError::FrameChanged { .. } | ShotError::Step(StepError::Input { .. }) => Self::BadInput,
             ShotError::Step(_) => Self::SolverGaveUp,
             // Whoever corrects the scene first may find that the data was right.
@@ -122,6 +123,7 @@ impl FaultKind {
             () if has(SceneErrorKind::Scene) => Self::Scene,
             () if has(SceneErrorKind::Memory) => Self::NoMemory,
             () if has(SceneErrorKind::Missing) => Self::MissingInput,
+            () if has(SceneErrorKind::Reading) => Self::Io,
             () => Self::BadInput,
         }
     }

@@ -57,6 +57,8 @@ pub(crate) struct About {
     /// First and last frame that are delivered.
     pub(crate) first_frame: i64,
     pub(crate) last_frame: i64,
+    /// Last frame of the scene, also where a run is asked for fewer.
+    pub(crate) scene_last_frame: i64,
     /// Names of the garments.
     pub(crate) garments: Vec<String>,
     /// Names of their materials; `None` where the scene names none.
@@ -133,6 +135,7 @@ impl Shot {
             timeline,
             first_frame,
             last_frame,
+            scene_last_frame: description.frames[1],
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
             materials: check.fabrics.iter().map(|fabric| fabric.as_ref().map(|fabric| fabric.name.clone())).collect(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),

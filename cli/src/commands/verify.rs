@@ -34,7 +34,11 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
         say::line(format_args!("{names}: every rule is kept"));
         return Ok(ExitCode::Done);
     }
-    let text = format!("{names}: {} rules are broken\n{}", found.failures.len(), found.failures.join("\n"));
+    let broken = match found.failures.len() {
+        1 => "a rule is broken".to_owned(),
+        many => format!("{many} rules are broken"),
+    };
+    let text = format!("{names}: {broken}\n{}", found.failures.join("\n"));
     Err(Failure::new(ExitCode::VerificationFailed, text))
 }
 

@@ -251,6 +251,39 @@ fn a_damaged_manifest_is_named_and_no_other_run() {
 }
 
 #[test]
+fn a_lost_fingerprint_is_named_and_no_other_run() {
+    let folder = folder_with(SHEET);
+    let run = |arguments: &[&str]| {
+        drapery(folder.path(), &[&["run", "scene.toml", "--out", "out", "-q"], arguments].concat())
+    };
+    assert_eq!(run(&["--frames", "1001-1002"]).code, Some(0));
+    std::fs::write(folder.path().join("out/fingerprint.json"), "{").unwrap();
+    let again = run(&[]);
+    assert_eq!(again.code, Some(73), "{}", again.stderr);
+    for part in ["fingerprint.json: this file is missing or damaged", "--resume-with-changes", "--overwrite"] {
+        assert!(again.stderr.contains(part), "{part}: {}", again.stderr);
+    }
+    assert_eq!(run(&["--resume-with-changes"]).code, Some(0));
+}
+
+#[test]
+fn checkpoints_of_frames_that_the_shot_does_not_have_are_refused() {
+    let folder = folder_with(SHEET);
+    let run = |frames: &str| {
+        let pin = ["--pin-checkpoint", frames, "--frames", "1001-1002"];
+        drapery(folder.path(), &[&["run", "scene.toml", "--out", "out", "-q"], &pin[..]].concat())
+    };
+    for frames in ["9999", "1002,1005", "-3"] {
+        let refused = run(frames);
+        assert_eq!(refused.code, Some(2), "{frames}: {}", refused.stderr);
+        assert!(refused.stderr.contains("its frames are 1001-1004"), "{frames}: {}", refused.stderr);
+    }
+    assert!(!folder.path().join("out").exists());
+    // A frame to which a later attempt comes is right.
+    assert_eq!(run("1004").code, Some(0));
+}
+
+#[test]
 fn another_mesh_cannot_go_on_from_a_checkpoint_and_is_another_run() {
     let folder = folder_with(SHEET);
     let run = |arguments: &[&str]| {

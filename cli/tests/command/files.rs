@@ -330,21 +330,103 @@ fn a_log_on_a_full_disk_is_missed_when_all_is_done() {
     assert!(folder.path().join("out/sheet/sheet.abc").is_file());
 }
 
+/// A run of 900 frames into `out` that does something as soon as its cache is there, and how the run ends.
+fn disturbed(folder: &Path, disturb: impl FnOnce()) -> Outcome {
+    let run = command(folder, &["run", "scene.toml", "--out", "out", "-q"]).stderr(Stdio::piped()).spawn().unwrap();
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
+    while !folder.join("out/sheet.abc").exists() && std::time::Instant::now() < deadline {
+        std::thread::yield_now();
+    }
+    disturb();
+    run.wait_with_output().unwrap().into()
+}
+
+#[test]
+fn a_folder_that_is_renamed_while_a_run_writes_into_it_is_named_and_the_run_goes_on_there() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-1900"));
+    let at = |name: &str| folder.path().join(name);
+    let ended = disturbed(folder.path(), || std::fs::rename(at("out"), at("moved")).unwrap());
+    assert_eq!(ended.code, Some(74), "{}", ended.stderr);
+    let words = "out: another program has removed or renamed this folder";
+    assert!(ended.stderr.contains(words) && ended.stderr.contains("--out"), "{}", ended.stderr);
+    assert!(!ended.stderr.contains("taken") && !at("out").exists(), "{}", ended.stderr);
+    let again = drapery(folder.path(), &["run", "scene.toml", "--out", "moved", "-q"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+}
+
 #[test]
 fn a_cache_that_is_removed_while_a_run_writes_it_ends_the_run_with_its_name() {
     let folder = folder_with(&SHEET.replace("1001-1004", "1001-1900"));
     let cache = folder.path().join("out/sheet.abc");
-    let run =
-        command(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]).stderr(Stdio::piped()).spawn().unwrap();
-    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
-    while !cache.exists() && std::time::Instant::now() < deadline {
-        std::thread::yield_now();
-    }
-    std::fs::remove_file(&cache).unwrap();
-    let ended: Outcome = run.wait_with_output().unwrap().into();
+    let ended = disturbed(folder.path(), || std::fs::remove_file(&cache).unwrap());
     assert_eq!(ended.code, Some(74), "{}", ended.stderr);
     let words = "out/sheet.abc: another program has removed this file";
     assert!(ended.stderr.contains(words) && ended.stderr.contains("--overwrite"), "{}", ended.stderr);
     let manifest = std::fs::read_to_string(folder.path().join("out/manifest.json")).unwrap();
     assert!(manifest.contains("\"state\": \"failed\"") && manifest.contains("has removed this file"), "{manifest}");
+}
+
+/// A command under limits that a shell sets, as in `ulimit -n 8`.
+fn limited(folder: &Path, limit: &str, arguments: &[&str]) -> Outcome {
+    let program = env!("CARGO_BIN_EXE_drapery");
+    let mut shell = std::process::Command::new("bash");
+    shell.current_dir(folder).args(["-c", &format!("{limit}; exec \"$@\""), "bash", program]).args(arguments);
+    for name in drapery_selftest::bench::VARIABLES {
+        shell.env_remove(name);
+    }
+    shell.stdin(Stdio::null()).output().expect("a shell").into()
+}
+
+#[test]
+fn limits_of_the_system_are_errors_that_another_attempt_may_not_have() {
+    let folder = folder_with(SHEET);
+    let run = ["run", "scene.toml", "--out", "out", "-q", "--threads", "1"];
+    // Each number is the first that some other opening does not get.
+    for files in 3..14 {
+        let refused = limited(folder.path(), &format!("ulimit -n {files}"), &run);
+        // Below the first few, the system does not even load the program.
+        if ![Some(0), Some(127)].contains(&refused.code) {
+            assert_eq!(refused.code, Some(74), "{files}: {}", refused.stderr);
+            let words = ["Too many open files", "ulimit -n"];
+            assert!(words.iter().all(|word| refused.stderr.contains(word)), "{files}: {}", refused.stderr);
+        }
+    }
+    let grown = limited(folder.path(), "ulimit -f 4", &[&run[..], &["--overwrite"]].concat());
+    assert_eq!(grown.code, Some(74), "{}", grown.stderr);
+    // A stack that is larger than any memory is that of a thread that does not start.
+    let threads =
+        limited(folder.path(), "export RUST_MIN_STACK=99999999999999", &[&run[..], &["--overwrite"]].concat());
+    assert_eq!(threads.code, Some(71), "{}", threads.stderr);
+    assert!(threads.stderr.contains("ulimit -u") && threads.stderr.contains("--threads"), "{}", threads.stderr);
+    let free = drapery(folder.path(), &[&run[..], &["--overwrite"]].concat());
+    assert_eq!(free.code, Some(0), "{}", free.stderr);
+}
+
+#[test]
+fn names_of_any_length_are_shown_without_their_middle() {
+    let long = "z".repeat(300_000);
+    for (old, new) in [
+        ("friction = 0.4", format!("{long} = 0.4")),
+        ("density = \"0.15 kg/m²\"", format!("material = \"{long}\"")),
+        ("name = \"ball\"", format!("name = \"{long}\"")),
+        ("1001-1004", long.clone()),
+    ] {
+        let check = drapery(folder_with(&SHEET.replace(old, &new)).path(), &["check", "scene.toml"]);
+        assert_eq!(check.code, Some(78), "{old}");
+        assert!(check.stderr.contains("zzz") && check.stderr.len() < 20_000, "{old}: {} bytes", check.stderr.len());
+        assert!(check.stderr.contains("bytes …]"), "{old}: {}", check.stderr);
+    }
+}
+
+#[test]
+fn a_new_cache_without_an_ending_is_told_as_that() {
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]).code, Some(0));
+    let convert = drapery(folder.path(), &["convert", "out/sheet.abc", "copy"]);
+    assert_eq!(convert.code, Some(65), "{}", convert.stderr);
+    assert!(
+        convert.stderr.contains("copy: this name has no ending") && convert.stderr.contains(".abc"),
+        "{}",
+        convert.stderr
+    );
 }

@@ -7,7 +7,11 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum AlembicError {
     /// The operating system refused a read or a write.
-    #[error("{}: could not {action}: {source}\n  help: check path, permissions and free space", path.display())]
+    #[error(
+        "{}: could not {action}: {source}\n  \
+         help: check path, permissions, free space and the limit of open files (ulimit -n)",
+        path.display()
+    )]
     Io {
         /// File concerned.
         path: PathBuf,

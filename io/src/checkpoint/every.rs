@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use crate::duration::{TimeError, parse_duration};
+
 /// How often checkpoints are asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Every {
@@ -16,29 +18,24 @@ pub enum Every {
 impl FromStr for Every {
     type Err = String;
 
-    /// Reads `auto`, a number of frames (`10f`) or a time (`90s`, `15m`, `2h`).
+    /// Reads `auto`, a number of frames (`10f`) or a time (`90s`, `15m`, `1h30m`).
     fn from_str(text: &str) -> Result<Self, String> {
         let wanted = "write `auto`, a number of frames as in `10f`, or a time as in `90s`, `15m` or `2h`";
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        let number = text.trim_end_matches(|c: char| c.is_alphabetic());
-        let unit = &text[number.len()..];
-        let seconds = match unit {
-            "f" => {
-                let frames = number.parse().map_err(|_| format!("`{number}` is not a whole number; {wanted}"))?;
-                return if frames > 0 { Ok(Self::Frames(frames)) } else { Err("0f would write none; use 1f".into()) };
-            }
-            "s" => 1.0,
-            "m" => 60.0,
-            "h" => 3600.0,
-            "" => return Err(format!("`{text}` has no unit; {wanted}")),
-            _ => return Err(format!("`{unit}` is no unit; {wanted}")),
-        };
-        let time: f64 = number.parse().map_err(|_| format!("`{number}` is not a number; {wanted}"))?;
-        if !(time.is_finite() && time > 0.0) {
-            return Err(format!("`{text}` is not a time above zero; {wanted}"));
+        if let Some(number) = text.strip_suffix('f') {
+            let frames = number.parse().map_err(|_| format!("`{number}` is not a whole number; {wanted}"))?;
+            return if frames > 0 { Ok(Self::Frames(frames)) } else { Err("0f would write none; use 1f".into()) };
         }
-        Ok(Self::Seconds(time * seconds))
+        if text.ends_with(|c: char| c.is_ascii_digit()) {
+            return Err(format!("`{text}` has no unit; {wanted}"));
+        }
+        match parse_duration(text) {
+            Ok(time) => Ok(Self::Seconds(time.as_secs_f64())),
+            Err(TimeError::Span { text, what } | TimeError::Epoch { text, what }) => {
+                Err(format!("`{text}`: {what}; {wanted}"))
+            }
+        }
     }
 }

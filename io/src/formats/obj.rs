@@ -197,6 +197,9 @@ fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> 
     while input_file::read_line(path, &mut text, &mut bytes)? {
         number += 1;
         let place = Place { path, line: number };
+        if bytes.contains(&0) {
+            return Err(place.error("it holds a zero byte: this is no text, or one in UTF-16"));
+        }
         // Some programs mark a text as UTF-8 by its first bytes; the first point must not be lost by them.
         let start = if number == 1 && bytes.starts_with(MARK) { MARK.len() } else { 0 };
         let line = String::from_utf8_lossy(&bytes[start..]);
@@ -242,6 +245,10 @@ impl Scanner {
         match words.next() {
             Some("v") => {
                 let [x, y, z] = numbers::<3>(&mut words, place)?;
+                // A weight or a colour may follow, or a comment. Another word is that of a next line, where lines have other ends:
+                // the points after this one would be lost.
+                let mut more = words.take_while(|word| !word.starts_with('#'));
+                more.try_for_each(|word| number(word, place).map(drop))?;
                 self.points += 1;
                 take(Line::Point(Vec3::new(x, y, z)));
             }
@@ -404,6 +411,8 @@ mod tests {
             ("v 0 0\n", "line 1: 3 numbers are expected"),
             ("v 0 0 0\nf 1 1\n", "line 2: a face with 2 corners"),
             ("v 0 0 0\nf 0 1 1\n", "point 0 does not exist"),
+            ("v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r", "line 1: `v` is not a number"),
+            ("\u{feff}v\0 \u{0}0", "line 1: it holds a zero byte"),
         ] {
             let message = parsed(text).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

@@ -28,6 +28,8 @@ pub enum SceneErrorKind {
     Scene,
     /// A file that is not there or may not be read.
     Missing,
+    /// The system refused to read a file that is there; another attempt may succeed.
+    Reading,
     /// The content of a file that the scene names.
     Data,
     /// This machine has too little memory for it.
@@ -86,8 +88,11 @@ impl SceneFileError {
             Some((message, help)) => (message.to_owned(), Some(help.to_owned())),
             None => (text, None),
         };
-        let missing = error.kind() == IoErrorKind::MissingInput;
-        let kind = if missing { SceneErrorKind::Missing } else { SceneErrorKind::Data };
+        let kind = match error.kind() {
+            IoErrorKind::MissingInput => SceneErrorKind::Missing,
+            IoErrorKind::Io => SceneErrorKind::Reading,
+            _ => SceneErrorKind::Data,
+        };
         Self { message, help, location, kind }
     }
 }

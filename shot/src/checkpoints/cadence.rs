@@ -113,6 +113,7 @@ mod tests {
             ("90s", Every::Seconds(90.0)),
             ("15m", Every::Seconds(900.0)),
             ("1.5h", Every::Seconds(5400.0)),
+            ("1h30m", Every::Seconds(5400.0)),
         ];
         for (text, expected) in cases {
             assert_eq!(text.parse::<Every>(), Ok(expected), "{text}");
@@ -121,7 +122,10 @@ mod tests {
 
     #[test]
     fn what_is_no_cadence_is_refused_with_the_forms_that_are() {
-        for text in ["", "10", "f", "-3f", "1.5f", "0f", "0s", "-1m", "infs", "nans", "10 f", "5min", "é", "ten"] {
+        for text in [
+            "", "10", "f", "-3f", "1.5f", "0f", "0s", "-1m", "infs", "nans", "10 f", "5min", "é", "ten", "1e300h",
+            "9999d",
+        ] {
             let error = text.parse::<Every>().unwrap_err();
             assert!(error.contains("15m") || error.contains("1f"), "{text}: {error}");
         }

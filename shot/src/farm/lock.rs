@@ -187,14 +187,22 @@ impl RunLock {
     /// The same as an error, that names the new holder.
     ///
     /// # Errors
-    /// [`IoError::LockLost`] when the folder is not this run's any more.
+    /// [`IoError::LockLost`] when the folder is another run's, [`IoError::LockGone`] when the lock or the folder was removed.
     pub fn check(&self) -> Result<(), IoError> {
         if self.still_mine() {
             return Ok(());
         }
-        let taker = Found::read(&self.path).ok().flatten().and_then(|found| found.record);
-        let taker = taker.map_or_else(|| "somebody".to_owned(), |record| record.owner.to_string());
-        Err(IoError::LockLost { path: self.path.clone(), taker })
+        let path = self.path.clone();
+        let folder = path.parent().unwrap_or(&path);
+        Err(match Found::read(&path) {
+            Ok(None) if folder.is_dir() => IoError::LockGone { path, is_folder: false },
+            Ok(None) => IoError::LockGone { path: folder.to_owned(), is_folder: true },
+            found => {
+                let record = found.ok().flatten().and_then(|found| found.record);
+                let taker = record.map_or_else(|| "another run".to_owned(), |record| record.owner.to_string());
+                IoError::LockLost { path, taker }
+            }
+        })
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use drapery_io::atomic_file;
-use drapery_io::error::IoError;
+use drapery_io::error::{IoError, IoErrorKind};
 use drapery_io::formats;
 use drapery_io::input_file;
 use serde_json::Value;
@@ -58,8 +58,11 @@ impl Earlier {
         if !manifest.is_object() {
             return Err(damaged("line 1".to_owned(), "this is not a manifest".to_owned()));
         }
-        let fingerprint = input_file::text(&folder.join(FINGERPRINT)).ok();
-        let fingerprint = fingerprint.and_then(|text| serde_json::from_str(&text).ok());
+        // What is damaged is not known. What the system did not read may be read by the next attempt.
+        let fingerprint = match input_file::text(&folder.join(FINGERPRINT)) {
+            Err(error) if error.kind() == IoErrorKind::Io => return Err(error),
+            text => text.ok().and_then(|text| serde_json::from_str(&text).ok()),
+        };
         let attempts = serde_json::from_value(manifest["attempts"].clone()).unwrap_or_default();
         Ok(Some(Self { manifest, fingerprint, attempts }))
     }

@@ -75,6 +75,7 @@ impl Shot {
             return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
         }
         dump::refuse_unreachable(&options.dump, [self.about.timeline.start + 1, self.about.last_frame])?;
+        options.refuse_pins_outside([self.about.timeline.start, self.about.scene_last_frame])?;
         // An earlier run's caches give way to those of this one.
         let (planned, listed) = (planned_outputs(&self, &options.out), listed_files(&options.out));
         refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
@@ -89,7 +90,7 @@ impl Shot {
         }
         let forbidden = !changed.is_empty() && !options.with_changes && !matches!(options.resume, Resume::Never);
         if forbidden {
-            return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
+            return Err(resume::refusal(earlier.as_ref(), &options.out, changed));
         }
         resume::refuse_others(&self, options, earlier.as_ref())?;
         if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
@@ -111,7 +112,11 @@ impl Shot {
                     run.leave_bundle(&error, observer);
                     let _ = run.output.fail(&error);
                 }
-                Err(error)
+                // Where the folder is gone, whatever was to be written into it next could not be found.
+                Err(match (error, run.lock.check()) {
+                    (ShotError::Io(_), Err(gone)) => gone.into(),
+                    (error, _) => error,
+                })
             }
         }
     }
@@ -469,7 +474,7 @@ impl<'a> Run<'a> {
             Outcome::Done | Outcome::NothingToDo => self.output.finish(&self.totals, frames),
         }) {
             Ok(()) => {}
-            Err(error @ IoError::LockLost { .. }) => return Err(error.into()),
+            Err(error @ (IoError::LockLost { .. } | IoError::LockGone { .. })) => return Err(error.into()),
             Err(error) => {
                 let error = ShotError::from(error);
                 let _ = self.output.fail(&error);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
 
+use crate::error::ShotError;
 use crate::farm::stop::StopRequests;
 
 /// Where a run begins.
@@ -67,5 +68,16 @@ impl RunOptions {
             command: String::new(),
             dump: Vec::new(),
         }
+    }
+    /// Refuses frames to pin that the shot does not have: their checkpoints would never be written.
+    ///
+    /// # Errors
+    /// The first such.
+    pub(super) fn refuse_pins_outside(&self, [first, last]: [i64; 2]) -> Result<(), ShotError> {
+        self.pinned.iter().find(|frame| !(first..=last).contains(*frame)).map_or(Ok(()), |frame| {
+            Err(ShotError::Frames(format!(
+                "--pin-checkpoint {frame}: the shot does not come to this frame\n  help: its frames are {first}-{last}"
+            )))
+        })
     }
 }

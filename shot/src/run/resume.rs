@@ -17,8 +17,8 @@ use crate::run::folder::{Earlier, files_of_run};
 use crate::run::kept_frames;
 use crate::run::options::{Resume, RunOptions};
 use crate::run::output::{planned_files, planned_outputs};
-use crate::run_record::MANIFEST;
 use crate::run_record::reader::Record;
+use crate::run_record::{FINGERPRINT, MANIFEST};
 use crate::shot::Shot;
 
 /// What has changed since the earlier run that may not change; what may is said with `note`.
@@ -41,6 +41,14 @@ pub(super) fn changes(
         note(format!("changed since the run began, and accepted: {change}"));
     }
     found.forbidden
+}
+
+/// Why a run does not go on with what has changed.
+pub(super) fn refusal(earlier: Option<&Earlier>, folder: &Path, changes: Vec<String>) -> ShotError {
+    if earlier.is_some_and(|earlier| earlier.fingerprint.is_none()) {
+        return ShotError::FingerprintLost { path: folder.join(FINGERPRINT) };
+    }
+    ShotError::Changed { folder: folder.to_owned(), changes }
 }
 
 /// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched. Caches are

@@ -11,6 +11,7 @@ use openusd::ar::{
 };
 use openusd::usdz;
 
+use super::classes::Classes;
 use super::promises;
 
 /// What was opened, and what was refused.
@@ -20,6 +21,8 @@ pub(crate) struct Log {
     pub(crate) files: Vec<PathBuf>,
     /// Layers that were not handed on, and why.
     pub(crate) refused: Vec<(String, String)>,
+    /// How prims inherit from each other, in all layers.
+    classes: Classes,
 }
 
 /// Finds layers as `openusd` does by itself, and opens them with care.
@@ -33,6 +36,11 @@ impl Guard {
     pub(crate) fn new() -> (Self, Arc<Mutex<Log>>) {
         let log = Arc::<Mutex<Log>>::default();
         (Self { inner: DefaultResolver::new(), log: Arc::clone(&log) }, log)
+    }
+
+    /// What is wrong with how prims inherit from each other, in this layer or together with those before.
+    fn circle(&self, layer: &SharedBuffer) -> Option<String> {
+        if promises::has_classes(layer) { seen(&self.log).classes.take(layer) } else { None }
     }
 
     fn refuse(&self, layer: &str, what: String) -> io::Error {
@@ -90,7 +98,7 @@ impl Resolver for Guard {
             _ => (SharedBuffer::new(self.read(resolved_path)?), extension(name)),
         };
         if matches!(extension.as_str(), "usd" | "usda" | "usdc")
-            && let Some(what) = promises::problem(&bytes)
+            && let Some(what) = promises::problem(&bytes).or_else(|| self.circle(&bytes))
         {
             return Err(self.refuse(name, what));
         }

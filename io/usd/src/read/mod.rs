@@ -12,6 +12,7 @@
 //! [`answers_panics`] tells the program's panic hook to be silent.
 
 mod blend_shapes;
+mod classes;
 mod error;
 mod guard;
 mod instancer;

@@ -7,6 +7,8 @@
 use openusd::ar::{AssetBuffer, SharedBuffer};
 use openusd::usdc::{CrateFile, MAGIC};
 
+use super::classes::ARCS;
+
 /// Memory that one attribute of a layer may take when it is decoded, whatever the size of the layer [bytes].
 const ALWAYS: u64 = if cfg!(fuzzing) { 32 << 20 } else { 1 << 30 };
 
@@ -26,6 +28,16 @@ const TIME_SAMPLES: u64 = 46;
 /// What is wrong with the bytes of a layer, if anything is.
 pub(crate) fn problem(bytes: &SharedBuffer) -> Option<String> {
     if bytes.starts_with(MAGIC) { of_crate(bytes) } else { of_text(bytes) }
+}
+
+/// Whether a layer may hold prims that inherit from others, which the library follows without an end if they form a circle.
+pub(crate) fn has_classes(bytes: &SharedBuffer) -> bool {
+    let holds = |word: &str| bytes.windows(word.len()).any(|part| part == word.as_bytes());
+    if !bytes.starts_with(MAGIC) {
+        return holds("inherits") || holds("specializes");
+    }
+    let layer = CrateFile::open(AssetBuffer::Shared(bytes.clone()));
+    layer.is_ok_and(|layer| layer.tokens.iter().any(|token| ARCS.contains(&token.as_str())))
 }
 
 /// A reference to a value: type, offset and flags in 64 bits.

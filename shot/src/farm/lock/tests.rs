@@ -1,4 +1,5 @@
 use super::*;
+use drapery_io::error::IoErrorKind;
 use std::process::Command;
 
 const NOW: u64 = 1_800_000_000;
@@ -141,9 +142,23 @@ fn a_lock_that_was_deleted_is_lost() {
     let lock = take(folder.path(), false).unwrap();
     fs::remove_file(folder.path().join(LOCK)).unwrap();
     assert!(!lock.still_mine());
+    let gone = lock.check().unwrap_err();
+    assert!(matches!(gone, IoError::LockGone { is_folder: false, .. }) && gone.kind() == IoErrorKind::Io, "{gone}");
     // Also when the folder is free for others in between.
     fs::write(folder.path().join(LOCK), "").unwrap();
     assert!(!lock.still_mine());
+    assert!(lock.check().unwrap_err().to_string().contains("another run has taken this folder over"));
+}
+
+#[test]
+fn a_folder_that_was_renamed_is_not_said_to_be_taken_over() {
+    let above = tempfile::tempdir().unwrap();
+    let [folder, renamed] = ["out", "elsewhere"].map(|name| above.path().join(name));
+    let lock = take(&folder, false).unwrap();
+    fs::rename(&folder, &renamed).unwrap();
+    let gone = lock.check().unwrap_err();
+    assert_eq!(gone.kind(), IoErrorKind::Io, "{gone}");
+    assert!(gone.to_string().contains("out: another program has removed or renamed this folder"), "{gone}");
 }
 
 #[test]
