@@ -225,6 +225,6 @@ def test_a_file_or_scene_with_another_name_says_where_its_simulation_goes_on(act
     assert saw["undone"] == "cotton_shirting" and saw["runs"]
     for when, back in (("saved_as", "saved_back"), ("renamed", "named_back")):
         can_cancel, state, (line,) = saw[when]
-        assert not can_cancel and state is None and "shot/Scene/out/Scene goes on. Its scene or folder has another name now" in line
+        assert not can_cancel and state is None and "shot/Scene/out/Scene continues. Its scene or folder has another name now" in line
         assert saw[back] == [True, "running", []]
     assert saw["cancelled"] == [["FINISHED"], "stopped"]

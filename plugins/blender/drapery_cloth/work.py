@@ -115,13 +115,13 @@ class Work:
         self.look_at_folder(scene)
 
     def leave(self, name, view):
-        """Asks no more about the run of a scene, and says in a view where it goes on."""
+        """Asks no more about the run of a scene, and says in a view where it continues."""
         folder, simulation = self.folders.pop(name), self.watched.pop(name, None)
         status = self.views[name].status if name in self.views else None
         if name in self.questions:
             self.questions.pop(name).end()
         if simulation is not None and simulation.code is None or status and status.running:
-            view.lines = [f"The simulation in {folder} goes on. Its scene or folder has another name now: give back the earlier one to stop "
+            view.lines = [f"The simulation in {folder} continues. Its scene or folder has another name now: give back the earlier one to stop "
                           "it, or name its folder under From to load it"]
 
     def look_later(self):
