@@ -121,7 +121,7 @@ class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
                 row = box.row(align=True)
                 row.prop(seam, "start")
                 row.prop(seam, "closed")
-        for other in marked(context.scene, "GARMENT"):
+        for other in marked(context.scene, role="GARMENT"):
             for seam in other.drapery.seams:
                 if seam.other == thing != other:
                     wrapped(self.layout, f'{seam.other_group}: sewn to "{seam.group}" of "{other.name}"', "INFO")
