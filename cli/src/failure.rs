@@ -47,7 +47,7 @@ impl Failure {
     }
 }
 
-/// What to do when the system starts no more threads.
+/// Advice where the system starts no more threads.
 pub(crate) const MORE_THREADS: &str =
     "ask for fewer threads (--threads), or allow more processes and memory (ulimit -u, ulimit -v)";
 

@@ -36,7 +36,7 @@ pub(crate) fn message(text: &str) -> String {
 /// Longest line of a message [bytes]: a path of the longest that systems know, and words around it.
 const LONGEST_LINE: usize = 6000;
 
-/// What is shown of the end of a longer line [bytes].
+/// Length of the end of a longer line that is shown [bytes].
 const END_SHOWN: usize = 500;
 
 fn short(line: &str) -> String {

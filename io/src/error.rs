@@ -326,12 +326,12 @@ pub fn is_out_of_files(error: &std::io::Error) -> bool {
     }
 }
 
-/// What to do about an error of the system; `usual` where the error itself does not say.
+/// Advice about an error of the system; `usual` where the error itself does not say.
 fn advice_on<'a>(error: &std::io::Error, usual: &'a str) -> &'a str {
     if is_out_of_files(error) { OPEN_FILES } else { usual }
 }
 
-/// What to do when a file cannot be read.
+/// Advice where a file cannot be read.
 fn advice_on_reading(error: &std::io::Error) -> &'static str {
     let usual = if is_about_the_name(error) {
         "check that it is a file and that you may read it"
@@ -341,7 +341,7 @@ fn advice_on_reading(error: &std::io::Error) -> &'static str {
     advice_on(error, usual)
 }
 
-/// What to do when no more files can be opened.
+/// Advice where no more files can be opened.
 pub const OPEN_FILES: &str = "allow more open files (ulimit -n) and run the same command again";
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ pub(crate) struct ActiveContact {
     pub normals: [Option<Vec3>; MAX_BODY_CONTACTS],
     /// How far the body carries the vertex in the step [m].
     pub carried: Vec3,
-    /// How far it has to go besides to lie on the body where it is expected at the end of the step, along the normals [m].
+    /// Displacement along the normals, besides `carried`, that brings it onto the body at the end of the step [m].
     closing: Vec3,
     /// Whether it begins the step a little off the body: it rests on it only if the body bore it before.
     is_apart: bool,
@@ -166,6 +166,11 @@ impl ActiveContact {
         mean + (self.velocity - mean) * (2.0 * fraction - 1.0)
     }
 
+    /// Acceleration of the body in a step of `dt` [s], from its mean velocity and the one at the end [m/s²].
+    fn body_acceleration(&self, dt: f64) -> Vec3 {
+        (self.velocity - self.carried / dt) * (2.0 / dt)
+    }
+
     /// What the body, moving with `body` [m/s], makes of a velocity at the start of a step: the vertex does not approach, and
     /// what sticks does not slip.
     pub(crate) fn start_velocity(&self, v: Vec3, body: &Vec3) -> Vec3 {
@@ -201,8 +206,7 @@ impl ActiveContact {
         }
         // What slows down so fast that it comes to rest within half the step. How far one vertex could be stopped by its own
         // friction says nothing of cloth that is one piece.
-        let of_body = (self.velocity - self.carried / dt) * (2.0 / dt);
-        let slower = -(before.acceleration - of_body).dot(&self.slip) / speed;
+        let slower = -(before.acceleration - self.body_acceleration(dt)).dot(&self.slip) / speed;
         self.mode = if speed <= NO_DIRECTION || speed <= 0.5 * slower * dt {
             ContactMode::Sticks
         } else {
@@ -285,23 +289,23 @@ pub(crate) struct Trust<'a> {
     pub settled: f64,
 }
 
-/// What is known of a contact at the start of a step.
+/// Force and acceleration of a vertex in contact at the start of a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StartOfContact {
-    /// What the body gave the vertex [N], and below what that is nothing.
+    /// Force of the body on the vertex [N].
     pub force: Vec3,
-    /// See `force` [N].
+    /// Error of `force` [N].
     pub doubt: f64,
-    /// How the vertex got faster [m/s²].
+    /// Acceleration of the vertex [m/s²].
     pub acceleration: Vec3,
 }
 
-/// What shows that a slip has turned round.
+/// Quantity that shows that a slip has turned round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Judges {
     /// The velocity at the end of the stage.
     Velocities,
-    /// The way since the start of the step.
+    /// The displacement since the start of the step.
     Positions,
 }
 
@@ -310,13 +314,13 @@ pub(crate) enum Judges {
 pub(crate) struct StageEnd<'a> {
     /// Positions of the local vertices at the start of the step [m].
     pub start: &'a [Vec3],
-    /// Where it is, as a fraction of the step.
+    /// Its time, as a fraction of the step.
     pub fraction: f64,
     /// Length of the step [s].
     pub dt: f64,
     /// Weight of velocities in positions [s].
     pub alpha: f64,
-    /// What shows that a slip has turned round.
+    /// Quantity that shows that a slip has turned round.
     pub judges: Judges,
 }
 
@@ -395,8 +399,7 @@ impl ActiveSet {
     /// Replaces the accelerations at the end of a step of `dt` [s] along the normals of bodies by those of the bodies.
     pub(crate) fn prescribe_accelerations(&self, a: &mut [Vec3], dt: f64) {
         for contact in self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free) {
-            let of_body = (contact.velocity - contact.carried / dt) * (2.0 / dt);
-            contact.prescribe_along_normals(&mut a[contact.vertex], &of_body);
+            contact.prescribe_along_normals(&mut a[contact.vertex], &contact.body_acceleration(dt));
         }
     }
 
