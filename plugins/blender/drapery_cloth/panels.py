@@ -74,6 +74,12 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
             layout.prop(own, "rigid")
 
 
+def remove_button(row, rows, index):
+    """Adds a button to a row that removes an item of a list of the active object."""
+    button = row.operator("object.drapery_remove", text="", icon="X")
+    button.rows, button.index = rows, index
+
+
 class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
     bl_idname, bl_label, bl_parent_id, bl_options = "VIEW3D_PT_drapery_pins", "Pins", "VIEW3D_PT_drapery_object", {"DEFAULT_CLOSED"}
 
@@ -87,8 +93,7 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
             box = self.layout.box()
             row = box.row()
             row.prop_search(pin, "group", thing, "vertex_groups", text="")
-            button = row.operator("object.drapery_remove", text="", icon="X")
-            button.rows, button.index = "pins", index
+            remove_button(row, "pins", index)
             box.prop(pin, "hold")
             if pin.hold != "FIXED":
                 box.prop(pin, "body")
@@ -109,8 +114,7 @@ class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
             box = self.layout.box()
             row = box.row()
             row.prop_search(seam, "group", thing, "vertex_groups", text="")
-            button = row.operator("object.drapery_remove", text="", icon="X")
-            button.rows, button.index = "seams", index
+            remove_button(row, "seams", index)
             box.prop(seam, "other")
             if seam.other:
                 box.prop_search(seam, "other_group", seam.other, "vertex_groups")
@@ -140,8 +144,7 @@ class VIEW3D_PT_drapery_maps(Panel, bpy.types.Panel):
             box = self.layout.box()
             row = box.row()
             row.prop(painted, "quantity", text="")
-            button = row.operator("object.drapery_remove", text="", icon="X")
-            button.rows, button.index = "maps", index
+            remove_button(row, "maps", index)
             box.prop(painted, "source", expand=False)
             if painted.source == "GROUP":
                 box.prop_search(painted, "name", thing, "vertex_groups")
