@@ -7,7 +7,7 @@ from pathlib import Path
 
 from judges import HERE, ROOT
 
-PACKAGE = ROOT / "plugins" / "blender" / "package"
+PACKAGE = ROOT / "plugins" / "blender" / "package.py"
 
 
 def package(*arguments):
