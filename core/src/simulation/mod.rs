@@ -35,6 +35,7 @@ mod frame_summary;
 mod load_balance;
 mod lowered_thickness;
 mod overstretched;
+mod pins_in_bodies;
 #[cfg(test)]
 mod planted_errors;
 mod recovery;
@@ -49,6 +50,7 @@ use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
 pub use overstretched::Overstretched;
+pub use pins_in_bodies::PinInBody;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
