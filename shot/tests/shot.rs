@@ -519,7 +519,7 @@ fn a_frame_of_far_more_steps_than_planned_ends_the_run_by_name() {
     garment.start_velocities = Some((0..9).map(|i| Vec3::x() * f64::from(i % 3)).collect());
     shot.scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 1e-3));
     // Edges that change by a millionth of their length in a step, at a rate of a few 1/s.
-    shot.scene.solver.strain_per_step = 1e-7;
+    shot.scene.solver.strain_per_step = Some(1e-7);
     let error =
         Shot::prepare(shot, None).unwrap().run(&options(folder.path()), &mut |_: &FrameReport<'_>| {}).unwrap_err();
     let said = error.to_string();
