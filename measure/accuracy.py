@@ -1,28 +1,17 @@
-"""What the choices of the method cost and bring: repulsion with history, both integrators and the presets, friction. Also the pictures of
-the page, from the contact sheets of `drapery report`."""
+"""What the choices of the method cost and bring: repulsion with history, both integrators and the presets, friction."""
 
-import base64
-import io
 import math
-import re
-import subprocess
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 
 from measure.page import Table
-from measure.runs import OPTIONS, ROOT, TODAY, run
+from measure.runs import run
 from measure.scenes import sample, without_tables, woman
 
 PAGE = "dev/measurements/accuracy.md"
 
-HISTORY = [
-    ("history, every step", [], []),
-    ("once per collision step", [], ["self_repulsion.per_collision_step=true"]),
-    ("collisions alone", ["self_repulsion"], []),
-]
-# Where friction acts; nothing is written for the paper's own.
-FRICTION = [("whole step", []), ("position half", ['solver.body_friction="position_half"'])]
+# Kind of repulsion, and the tables of the scene that are left out.
+HISTORY = {"history, every step": [], "collisions alone": ["self_repulsion"]}
 # Beside what a converged run is made with: solves that leave nothing that counts.
 TIGHT = ["solver.cg_tolerance=1e-6", "solver.cg_max_iterations=5000"]
 
@@ -32,40 +21,15 @@ def positions(made):
     return np.concatenate([cache["positions"][:].astype(float) for cache in made.caches()], axis=1)
 
 
-def compose(name, columns, places=(6, 11)):
-    """Joins pictures of contact sheets, by their places there, into one file: a column for each (title, run)."""
-    if OPTIONS.print:
-        return
-    found = []
-    for title, made in columns:
-        subprocess.run([TODAY, "report", str(made.out)], check=True, capture_output=True)
-        sheet = re.findall(r'base64,([^"]+)"[^>]*alt="cloth at frame (\d+)"', (made.out / "report.html").read_text())
-        found.append((title, [(Image.open(io.BytesIO(base64.b64decode(sheet[k][0]))).convert("RGBA"), sheet[k][1]) for k in places]))
-    width = max(picture.width for _, pictures in found for picture, _ in pictures)
-    height = max(picture.height for _, pictures in found for picture, _ in pictures)
-    whole = Image.new("RGB", (width * len(found), 26 + height * len(places)), (244, 243, 240))
-    font, draw = ImageFont.load_default(size=15), ImageDraw.Draw(whole)
-    for column, (title, pictures) in enumerate(found):
-        draw.text((column * width + 10, 6), title, font=font, fill=(40, 44, 50))
-        for line, (picture, frame) in enumerate(pictures):
-            left, top = column * width, 26 + line * height
-            whole.paste(picture, (left, top), picture)
-            draw.text((left + 10, top + height - 22), frame, font=font, fill=(110, 114, 120))
-    whole.quantize(48).save(ROOT / "docs" / "pictures" / f"{name}.png", optimize=True)
-
-
 def repulsion(scene, cells, frames):
-    """With repulsion in every step, once per collision step, and not at all."""
+    """With repulsion in every step, and not at all."""
 
-    def measure():
-        text = sample(scene, resolution=cells)
-        made = [(name, run(without_tables(text, left_out), frames, settings)) for name, left_out, settings in HISTORY]
-        compose(f"repulsion_{scene}", made)
-        counted = ["collision_hits", "zones", "zone_nodes", "zone_fallbacks", "rewinds"]
-        return [[name, each.steps, each.count("collision_steps"), f"{each.simulated:.2f}", *(each.count(count) for count in counted),
-                 each.crossings()] for name, each in made]
+    def line(kind, left_out):
+        made = run(without_tables(sample(scene, resolution=cells), left_out), frames)
+        counts = [made.count(name) for name in ("collision_hits", "zones", "zone_nodes", "zone_fallbacks", "rewinds")]
+        return [kind, made.steps, made.count("collision_steps"), f"{made.simulated:.2f}", *counts, made.crossings()]
 
-    return measure
+    return lambda: [line(*kind) for kind in HISTORY.items()]
 
 
 def presets(make, frames, steps, cfl):
@@ -126,25 +90,24 @@ def cpu_at(error, points):
 def incline(mu):
     """Against Coulomb, at two lengths of the step; solved tightly: the automatic tolerance of the solves would show in the fourth digit."""
 
-    def line(steps, name, settings):
-        settings = [*settings, f"friction={mu}", "resolution=10", "solver.cfl=4.0", "solver.cg_tolerance=1e-9",
+    def line(steps):
+        settings = [f"friction={mu}", "resolution=10", "solver.cfl=4.0", "solver.cg_tolerance=1e-9",
                     f"solver.max_dt={1.000001 / 30.0 / steps:.9f}"]
         made = run(sample("incline"), (0, 30), settings)
         sin, cos = math.sin(math.radians(36)), math.cos(math.radians(36))
         x = positions(made)
         way = (x[-1] - x[0]).mean(axis=0) @ np.array([cos, -sin, 0.0])
         exact = 0.5 * 9.8 * max(0.0, sin - mu * cos)
-        return [name, f"1/{made.steps} s", f"{made.simulated:.2f}", f"{abs(way):.6f} m", f"{exact:.6f} m"]
+        return ["whole step", f"1/{made.steps} s", f"{made.simulated:.2f}", f"{abs(way):.6f} m", f"{exact:.6f} m"]
 
-    return lambda: [line(steps, *where) for steps in (1, 10) for where in FRICTION]
+    return lambda: [line(steps) for steps in (1, 10)]
 
 
 def turning_ball():
     """How far the spinning ball turns what lies on it."""
-    made = [(name, run(sample("spinning_ball", resolution=40), (0, 240), settings)) for name, settings in FRICTION]
-    compose("friction_spinning_ball", made)
-    return [[name, each.steps, f"{each.simulated:.2f}", f"{turned(each):.0f}°", f"{45 * (len(each.frames) / 60.0 - 0.75):.0f}°",
-             each.count("collision_hits"), each.count("zones"), each.crossings()] for name, each in made]
+    made = run(sample("spinning_ball", resolution=40), (0, 240))
+    return ["whole step", made.steps, f"{made.simulated:.2f}", f"{turned(made):.0f}°", f"{45 * (len(made.frames) / 60.0 - 0.75):.0f}°",
+            made.count("collision_hits"), made.count("zones"), made.crossings()]
 
 
 def turned(made):

@@ -53,7 +53,6 @@ CASES = {
     "soft_cloth": Case(TESTS / "soft_cloth.toml", 0, 2, 5),
     "storm": Case(TESTS / "storm.toml", 0, 2, 4),
     "two_sheets": Case(TESTS / "two_sheets.toml", 0, 2, 5),
-    "variants": Case(TESTS / "variants.toml", 0, 3, 8),
     "woman": Case(TESTS / "dressed_woman.toml", 0, 1, 2),
 }
 

@@ -75,7 +75,7 @@ class Table:
     rows: dict
 
     def measure(self, name):
-        """Measures a row, and puts it into the page whatever else is there."""
+        """Measures a row, and puts it into the page; rows of other names stay, those that are measured no more behind all others."""
         what, function = self.rows[name]
         lines = function()
         lines = lines if isinstance(lines[0], list) else [lines]
@@ -90,7 +90,8 @@ class Table:
             of = line.split("|")[1].strip(" `") if line.startswith("| `") else ""
             if of != name:
                 kept.setdefault(of, []).append(line)
-        write(self.page, self.mark, table(head, []) + [line for known in self.rows for line in kept.get(known, [])])
+        names = [*self.rows, *(known for known in kept if known and known not in self.rows)]
+        write(self.page, self.mark, table(head, []) + [line for known in names for line in kept.get(known, [])])
 
 
 @dataclass
