@@ -1,11 +1,11 @@
-"""python -m measure NAME [--rows A,B] [--list] [--print] [--repeat N] [--threads N] [--frames N] [--against COMMIT] [--checkout DIR]"""
+"""python -m measure NAME [--rows A,B] [--list] [--print] [--repeat N] [--threads N] [--frames N] [--against COMMIT]"""
 
 import argparse
 import importlib
 import subprocess
 import sys
 
-from measure import page, runs
+from measure import runs
 
 NAMES = {
     "speed": "CPU seconds a frame beside an earlier commit, both integrators; writes dev/measurements/speed.md",
@@ -15,7 +15,6 @@ NAMES = {
     "ranks": "what many ranks cost and bring; writes dev/measurements/ranks.md",
     "study": "what accuracy costs in time, by `drapery study`; writes dev/measurements/studies.md",
     "symptoms": "the remedies of guide/troubleshooting.md, before and after; writes its table",
-    "build_times": "how long builds take, from nothing and after a change in each crate; writes nothing",
     "words": "words of the pages by who they are for; writes dev/measurements/documentation.md",
 }
 
@@ -30,7 +29,6 @@ def main():
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--frames", type=int, default=0, help="at most this many frames of a run after its first, to try a row")
     parser.add_argument("--against", default="336fa90", help="the earlier commit, which is built once")
-    parser.add_argument("--checkout", default=str(page.ROOT), help="what build_times builds")
     options = parser.parse_args(namespace=runs.OPTIONS)
     if not options.name:
         print("\n".join(f"{name:<14} {what}" for name, what in NAMES.items()))

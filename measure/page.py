@@ -81,7 +81,7 @@ class Table:
         lines = lines if isinstance(lines[0], list) else [lines]
         head = ["row", "what", *self.head, "measured"]
         found = [[f"`{name}`", what, *line, circumstances()] for line in lines]
-        if OPTIONS.print or not self.page:
+        if OPTIONS.print:
             print("\n".join(table(head, found)), flush=True)
             return
         _, text, _ = marked(self.page, self.mark)

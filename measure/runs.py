@@ -22,7 +22,7 @@ MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OM
        "OMPI_MCA_mpi_yield_when_idle": "1", "OMPI_MCA_hwloc_base_binding_policy": "none"}
 
 # What the command line says; `__main__` fills it in.
-OPTIONS = argparse.Namespace(threads=1, repeat=1, frames=0, print=False, against="336fa90", checkout=str(ROOT))
+OPTIONS = argparse.Namespace(threads=1, repeat=1, frames=0, print=False, against="336fa90")
 
 SHORT, LONG = ('solver.integrator="semi_implicit"',), ('solver.integrator="tr_bdf2"',)
 
@@ -144,10 +144,10 @@ class Run:
         return [h5py.File(path) for path in sorted(self.out.glob("*.h5"))]
 
 
-def timed(words, **options):
+def timed(words):
     """A process that has ended, its CPU seconds with those of its children, and its seconds by the clock."""
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, env={**os.environ, **MPI}, **options)
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, env={**os.environ, **MPI})
     wall, after = time.monotonic() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
     return done, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
 

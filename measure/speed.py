@@ -1,12 +1,9 @@
 """Today's build, with both integrators, beside an earlier commit that has short steps alone: CPU seconds a frame of whole shots."""
 
 import math
-import re
-import shlex
-import subprocess
 
 from measure.page import Table
-from measure.runs import LONG, ROOT, SHORT, TARGET, TODAY, Failed, alternating, against, build, plan, run
+from measure.runs import LONG, SHORT, TODAY, against, alternating, plan, run
 from measure.scenes import (cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, twisted, woman)
 
 PAGE = "dev/measurements/speed.md"
@@ -91,25 +88,9 @@ def iterations(factor, bar):
         made = run(woman("fine"), (0, 12), [*LONG, *(stiffer(woman("fine"), factor) if factor != 1 else [])])
         mean = made.count("cg_iterations") / made.count("cg_solves")
         how = f"{len(made.frames)} frames, {made.count('cg_iterations'):,} iterations, {made.count('cg_solves'):,} solves"
-        return ["", f"{mean:.1f}", f"at most {bar}", yes(mean <= bar), how]
+        return [f"{mean:.1f}", f"at most {bar}", yes(mean <= bar), how]
 
     return measure
-
-
-def iteration_cost():
-    """Of the earlier build by two tolerances: what more iterations take, in B.1 and B.5. Of today's by the bench."""
-    kinds = [(build("336fa90"), [f"solver.cg_tolerance={tolerance}"], {}) for tolerance in ("1e-2", "1e-7")]
-    few, many = alternating(hung(127), (0, 1), kinds)
-    cost = many.clock("B.1 velocity", "B.5 velocity") - few.clock("B.1 velocity", "B.5 velocity")
-    more = many.count("cg_iterations") - few.count("cg_iterations")
-    earlier = 1e9 * cost / more / 128**2
-    command = ["cargo", "bench", "--manifest-path", "core/benches/Cargo.toml", "--bench", "linear_solver", "--target-dir", str(TARGET)]
-    done = subprocess.run([*command, "--", "iteration"], cwd=ROOT, capture_output=True, text=True)
-    found = re.search(r"^sheet +16129 .* without the preconditioner +([0-9.]+) ns a vertex", done.stdout, re.MULTILINE)
-    if done.returncode != 0 or not found:
-        raise Failed(f"{shlex.join(command)}\n{done.stdout}{done.stderr}")
-    how = f"earlier: {more:,} more iterations of a hung sheet, 16,384 vertices; today: `cargo bench … linear_solver`"
-    return [f"{earlier:.0f} ns", f"{float(found[1]):.1f} ns", "a third", yes(3 * float(found[1]) <= earlier), how]
 
 
 TABLES = [
@@ -130,9 +111,8 @@ TABLES = [
         "two_threads": ("two threads against one, fine woman", together(threads=2)),
         "two_ranks": ("two ranks against one, fine woman", together(ranks=2)),
     }),
-    Table(PAGE, "solver", ["earlier", "today", "bar", "met", "how"], {
+    Table(PAGE, "solver", ["iterations", "bar", "met", "how"], {
         "iterations": ("CG iterations a solve, fine woman", iterations(1, 40)),
         "iterations_x10": ("the same, stiffness of stretch ten times larger", iterations(10, 60)),
-        "iteration_ns": ("a CG iteration by vertex, springs and hinges, 16,000 vertices, without the preconditioner", iteration_cost),
     }),
 ]

@@ -67,7 +67,7 @@ pub const FLAT_TRIANGLE: f64 = 1e-9;
 
 /// Strain of an edge between two pinned vertices above which it counts as torn apart: twice what the most elastic woven cloth
 /// gives, and more than skin stretches below a waistband. Guarded by
-/// `pinned_neighbours_that_are_torn_apart_are_known_beforehand_and_named_and_counted_by_any_ranks`.
+/// `pinned_neighbours_that_are_torn_apart_are_known_named_and_counted_by_any_ranks`.
 pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
 
 /// Strains of an edge at the start between which it is taken as meant: below, its ends are in one place up to rounding; above, it is
@@ -94,7 +94,7 @@ pub const FAR_BOUND_THICKNESSES: f64 = 10.0;
 pub const FAR_BOUND: f64 = 0.05;
 
 /// By how much a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the frame for one more
-/// step. Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.
+/// step. Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub const STEP_OF_A_FRAME: f64 = 1e-9;
 
 /// Residual at which solves of the preset `preview` stop [m/s]: twice the largest that the solver chooses by itself, below what its
