@@ -14,10 +14,9 @@ use crate::fit::assert_order;
 
 /// Leaves the choice of the step to the frame: one step each, solves without error.
 fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) {
+    set_steps_of_a_frame(description, integrator, 1);
     let solver = &mut description.solver;
-    (solver.cfl, solver.strain_per_step, solver.cg_tolerance) = (1e6, Some(1e9), Some(1e-15));
-    solver.steps_per_frame = 1;
-    solver.integrator = integrator;
+    (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-15));
 }
 
 /// Three unit masses on a ring of three springs that starts 10 % too wide, at rest: each moves along its radius, like one on
