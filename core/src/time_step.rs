@@ -13,7 +13,7 @@ use crate::effects::stability::longest_stable_step;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
-use crate::scene::{Integrator, SolverSettings};
+use crate::scene::SolverSettings;
 use crate::state::State;
 use crate::tolerances::{LAST_TWO_STEPS, STEP_OF_A_FRAME};
 
@@ -61,9 +61,10 @@ impl StepLimit {
         settings: &SolverSettings,
         frame: f64,
     ) -> Self {
-        let mut elastic = match settings.integrator {
-            Integrator::SemiImplicit => f64::INFINITY,
-            Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME),
+        let mut elastic = if settings.integrator.spec().is_implicit {
+            frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME)
+        } else {
+            f64::INFINITY
         };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {

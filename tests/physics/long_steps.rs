@@ -19,7 +19,7 @@ fn oscillator(integrator: Integrator, omega: f64, damping_ratio: f64, [x, v]: [f
     let mut description = scene_of(garment, 1);
     let solver = &mut description.solver;
     (solver.integrator, solver.steps_per_frame, solver.cfl) = (integrator, 1, 1e6);
-    (solver.strain_per_step, solver.cg_tolerance) = (1e9, Some(1e-15));
+    (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-15));
     description.pins.push(PinDescription {
         garment: 0,
         // The springs pull to where the cloth would be without the displacement.
@@ -98,7 +98,7 @@ fn falling_square(integrator: Integrator, steps_per_frame: usize) -> SceneDescri
     let mut description = scene_of(GarmentDescription::new("sheet", sheet(12, 12, 1.0 / 12.0), 0.2), 24);
     let solver = &mut description.solver;
     (solver.integrator, solver.steps_per_frame) = (integrator, steps_per_frame);
-    (solver.strain_per_step, solver.cg_tolerance) = (1e9, Some(1e-7));
+    (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-7));
     if integrator == Integrator::SemiImplicit {
         (solver.cfl, solver.max_dt) = (1e6, Some(1.0 / 24.0 / steps_per_frame as f64));
     }

@@ -15,7 +15,7 @@ use crate::fit::assert_order;
 /// Leaves the choice of the step to the frame: one step each, solves without error.
 fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) {
     let solver = &mut description.solver;
-    (solver.cfl, solver.strain_per_step, solver.cg_tolerance) = (1e6, 1e9, Some(1e-15));
+    (solver.cfl, solver.strain_per_step, solver.cg_tolerance) = (1e6, Some(1e9), Some(1e-15));
     solver.steps_per_frame = 1;
     solver.integrator = integrator;
 }

@@ -63,20 +63,6 @@ friction = 0.5",
             help: "two edges count as passed through each other if the cosine between their direction and that in the \
                    last intersection-free state is below this; -2: never",
         },
-        Field {
-            name: "attraction",
-            dimension: Dimension::None,
-            default: Default::Flag(true),
-            range: (0.0, 0.0),
-            help: "true: pairs that have passed through each other are pulled back; false is for comparison only",
-        },
-        Field {
-            name: "per_collision_step",
-            dimension: Dimension::None,
-            default: Default::Flag(false),
-            range: (0.0, 0.0),
-            help: "true: repulsion once per collision step instead of in every time step; for comparison only",
-        },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     elements: "triangles",
@@ -95,7 +81,7 @@ friction = 0.5",
         "pair_searches",
     ],
     maps: &[MapSpec::of("thickness", &[]), MapSpec::of("self_friction", &["friction"])],
-    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion", "A neighbours"],
+    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "A neighbours"],
     bytes_of_point: 300.0,
     is_internal: true,
     friction: Some(|settings, _| {
@@ -107,14 +93,11 @@ friction = 0.5",
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    let attraction = settings.flag("attraction");
     let laws = Laws {
         stiffness: settings.number("stiffness"),
         limit: settings.number("limit"),
         friction: settings.number("friction"),
         edge_attraction: settings.number("edge_attraction"),
-        attraction,
-        per_collision_step: settings.flag("per_collision_step"),
     };
     Ok(Effect {
         self_repulsion: Some((laws, settings.number("thickness_clamp"))),

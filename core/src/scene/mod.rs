@@ -9,6 +9,7 @@ mod body;
 pub(crate) mod described;
 mod garment;
 pub mod gather;
+mod integrator;
 pub mod names;
 pub(crate) mod origin;
 mod pin;
@@ -19,10 +20,11 @@ pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
 pub use described::Described;
+pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKeys};
 pub use origin::{FARTHEST, coarse_place, is_possible};
 pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
 pub use seam::SeamDescription;
-pub use solver::{BodyFriction, Integrator, PRESET, PRESETS, SolverPreset, SolverSettings};
+pub use solver::{PRESET, PRESETS, SolverPreset, SolverSettings};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

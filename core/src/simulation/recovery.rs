@@ -21,7 +21,6 @@ use crate::contact::self_contact::Ending;
 use crate::error::StepError;
 use crate::parallel::message::codec;
 use crate::parallel::parts::Parts;
-use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{Cloth, Dynamics, StepReport};
@@ -302,7 +301,7 @@ impl Simulation {
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
     fn was_struck(&self) -> bool {
-        let is_long = self.scene.description().solver.integrator == Integrator::TrBdf2;
+        let is_long = self.scene.description().solver.integrator.spec().is_implicit;
         let contact = self.contacts.cloth.as_ref().filter(|contact| is_long && contact.keeps_free());
         contact.is_some_and(|contact| self.ranks().any(contact.largest_correction().0 > LARGEST_CORRECTION))
     }

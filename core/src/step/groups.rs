@@ -12,7 +12,6 @@ use crate::observe::Quantity;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
-use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
@@ -107,14 +106,6 @@ pub struct CollisionEnd<'a> {
 }
 
 impl Contacts {
-    /// Self-repulsion once for a whole collision step, where a variant has it there.
-    pub(crate) fn repel_once(&mut self, end: &mut CollisionEnd, metrics: &mut Metrics) {
-        let Self { bodies, cloth: Some(contact) } = self else { return };
-        if contact.repels_per_collision_step() {
-            contact.repel_once((end.x, end.v), end.duration, metrics, |vertex, by| note_moved(bodies, vertex, by));
-        }
-    }
-
     /// C; ghosts are those of their owners afterwards.
     pub(crate) fn resolve_collisions(
         &mut self,
@@ -138,47 +129,6 @@ impl Contacts {
 fn note_moved(bodies: &mut Option<BodyCollision>, vertex: usize, by: f64) {
     if let Some(bodies) = bodies {
         bodies.moved(vertex, by);
-    }
-}
-
-/// Where self-repulsion acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RepulsionPlace {
-    /// By impulses in B.2 and B.8, as in the paper.
-    Impulses,
-    /// By forces in B.1 and B.5, the solves of a long step.
-    Solves,
-    /// In no line of the step: nowhere, or once per collision step.
-    Elsewhere,
-}
-
-/// Variants of the method, to compare with (`docs/theory/variants.md`): chosen once for a simulation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Variants {
-    /// How elastic forces enter both solves.
-    pub integrator: Integrator,
-    /// Where in the step friction with bodies acts.
-    pub body_friction: BodyFriction,
-    /// Where self-repulsion acts, if it acts at all.
-    pub self_repulsion: RepulsionPlace,
-    /// Whether C comes after the position half of every step, as in the authors' later code, and not after K steps.
-    pub collides_after_position: bool,
-}
-
-impl Variants {
-    /// The variants of a scene with these settings and contacts.
-    pub fn of(integrator: Integrator, body_friction: BodyFriction, contacts: &Contacts) -> Self {
-        let cloth = contacts.cloth.as_ref();
-        Self {
-            integrator,
-            body_friction,
-            self_repulsion: match (cloth.is_some_and(SelfContact::repels), integrator) {
-                (false, _) => RepulsionPlace::Elsewhere,
-                (true, Integrator::TrBdf2) => RepulsionPlace::Solves,
-                (true, Integrator::SemiImplicit) => RepulsionPlace::Impulses,
-            },
-            collides_after_position: cloth.is_some_and(SelfContact::collides_after_position),
-        }
     }
 }
 

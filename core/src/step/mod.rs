@@ -23,7 +23,7 @@ mod unconverged;
 
 pub use stage_arrays::StageArrays;
 
-pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, RepulsionPlace, Scratch, Variants};
+pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
 
 use crate::Vec3;
 use crate::clock::Watch;
@@ -35,7 +35,7 @@ use crate::observe::{Observer, Place};
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::BEHIND as PINS_BEHIND;
-use crate::scene::{BodyFriction, Integrator, Scene};
+use crate::scene::{Integrator, RepulsionPlace, Scene};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::implicit_velocity::VelocityProblem;
 use crate::volumes::Volumes;
@@ -80,8 +80,8 @@ pub struct StepSettings<'a> {
     pub held: Option<&'a [u32]>,
     /// Whether it is made again after something went wrong.
     pub is_retry: bool,
-    /// Variants of the method.
-    pub variants: Variants,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
 }
 
 /// What a step reports.
@@ -183,14 +183,13 @@ impl StepReport {
 }
 
 impl<'a> Step<'a> {
-    /// The step as in the paper: a line, and what it does. What only a variant of the method does says so in its name.
-    pub const LISTING: [Line<'a>; 12] = [
+    /// The step as in the paper: a line, and what it does.
+    pub const LISTING: [Line<'a>; 11] = [
         ("B.1", Self::half_velocity),
         ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),
         ("B.3", Self::positions),
         ("B.4", Self::collide_with_bodies),
-        ("C", Self::collide_after_position_variant),
         ("B.5", Self::middle_velocity),
         ("B.6", Self::extrapolate),
         ("B.7", Self::rub_on_bodies),
@@ -200,13 +199,12 @@ impl<'a> Step<'a> {
     ];
 
     /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
-    pub const IMPLICIT_LISTING: [Line<'a>; 13] = [
+    pub const IMPLICIT_LISTING: [Line<'a>; 12] = [
         ("B.1", Self::implicit_half_velocity),
         ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),
         ("B.3", Self::positions),
         ("B.4", Self::collide_with_bodies),
-        ("C", Self::collide_after_position_variant),
         ("B.5", Self::implicit_end_velocity),
         ("B.6", Self::take_end),
         ("B.7", Self::rub_on_bodies),
@@ -227,7 +225,7 @@ impl<'a> Step<'a> {
     /// Makes the step: the state goes on by its length.
     pub fn advance(mut self) -> StepReport {
         self.prescribe();
-        for (at, (_, line)) in Self::listing(self.settings.variants.integrator).iter().enumerate() {
+        for (at, (_, line)) in Self::listing(self.settings.integrator).iter().enumerate() {
             line(&mut self);
             if self.observer.is_some() {
                 self.show(at);
@@ -241,12 +239,11 @@ impl<'a> Step<'a> {
 
     /// Shows what there is after a line, the last of its label.
     fn show(&mut self, at: usize) {
-        let (lines, is_variant) =
-            (Self::listing(self.settings.variants.integrator), self.settings.variants.collides_after_position);
+        let lines = Self::listing(self.settings.integrator);
         let line = lines[at].0;
         let continues = lines.get(at + 1).is_some_and(|(next, _)| *next == line);
         let Some((observer, scene)) = &mut self.observer else { return };
-        if !continues && (line != "C" || is_variant) {
+        if !continues {
             let place = Place { line, time: self.cloth.state.time, dt: self.settings.dt };
             observer.after(place, scene, &self.cloth.quantities(line));
         }
@@ -304,9 +301,7 @@ impl<'a> Step<'a> {
     fn repel_half_velocity(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
-        if let Some(contact) =
-            contacts.cloth.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
-        {
+        if let Some(contact) = contacts.cloth.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
             prescribed.apply_prescribed(parts, v_half);
         }
@@ -350,21 +345,6 @@ impl<'a> Step<'a> {
             });
         }
         parts.halo().update(parts.ranks(), x_new);
-    }
-
-    /// C between B.4 and B.5, as in the authors' later code: the second solve sees the corrected positions.
-    fn collide_after_position_variant(&mut self) {
-        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
-        if contacts.cloth.is_none() || !settings.variants.collides_after_position {
-            return;
-        }
-        let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
-        metrics.stage("C collisions", |m| {
-            let (duration, may_rewind, checks_all) = (settings.dt, false, settings.is_retry);
-            let mut end = CollisionEnd { x: x_new, v: v_star, duration, may_rewind, checks_all };
-            contacts.repel_once(&mut end, m);
-            contacts.resolve_collisions(end, &prescribed.bodies, parts, m);
-        });
     }
 
     /// B.5: v½ from v* and the forces at the middle.
@@ -411,8 +391,7 @@ impl<'a> Step<'a> {
     fn repel_final_velocity(&mut self) {
         let Self { cloth, contacts, metrics, settings, .. } = self;
         let Contacts { bodies, cloth: contact } = &mut **contacts;
-        if let Some(contact) = contact.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
-        {
+        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
             let state = &mut cloth.state;
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);
@@ -445,12 +424,11 @@ impl<'a> Step<'a> {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         prescribed.apply_prescribed(parts, v);
         if let Some(collision) = &contacts.bodies {
-            let rubs = settings.variants.body_friction == BodyFriction::WholeStep;
             let contact = contacts.cloth.as_ref().filter(|_| which == ContactSubset::ByRepulsion);
             let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
             metrics.stage("B.7 body friction", |_| {
                 let moving = (&x[parts.own()], &mut v[parts.own()]);
-                collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, moving);
+                collision.final_velocity((&prescribed.bodies, settings.dt), &concerns, moving);
             });
             prescribed.apply_prescribed(parts, v);
         }

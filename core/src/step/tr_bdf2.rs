@@ -23,15 +23,16 @@ use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, PinTargets};
+use crate::scene::RepulsionPlace;
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 use crate::state::State;
+use crate::step::Prescribed;
 use crate::step::prescription::Prescription;
 use crate::step::stage_arrays::StageArrays;
 use crate::step::unconverged::{PairsInTouch, parts_moved, parts_touched};
-use crate::step::{Prescribed, RepulsionPlace};
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -523,8 +524,7 @@ impl Step<'_> {
             let is_wrong = self.cloth.scratch.stages.as_ref().is_some_and(|stages| stages.active.is_wrong());
             self.metrics.count_once(parts.ranks(), "friction_unsettled", u64::from(is_wrong));
         }
-        if let Some(contact) =
-            self.contacts.cloth.as_ref().filter(|_| self.settings.variants.self_repulsion == RepulsionPlace::Solves)
+        if let Some(contact) = self.contacts.cloth.as_ref().filter(|contact| contact.repels_in(RepulsionPlace::Solves))
         {
             contact.count_pair_forces(self.metrics);
         }
@@ -570,7 +570,6 @@ impl Step<'_> {
     fn stages(&mut self) -> Stages<'_> {
         let Self { parts, masses, cloth, dynamics, prescribed, contacts, settings, .. } = self;
         let Prescribed { pins, targets, bodies, .. } = &**prescribed;
-        let repels = settings.variants.self_repulsion == RepulsionPlace::Solves;
         let arrays = cloth.scratch.stages.as_mut().expect("a scene with this integrator has its arrays");
         let at = StageContext {
             parts,
@@ -586,7 +585,7 @@ impl Step<'_> {
             extrapolated: EXTRAPOLATED * settings.mean_edge,
         };
         let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
-        let repulsion = contacts.cloth.as_mut().filter(|_| repels);
+        let repulsion = contacts.cloth.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Solves));
         Stages { at, arrays, forces, volumes, repulsion, bodies }
     }
 }

@@ -50,11 +50,6 @@ pub struct Laws {
     /// Cosine between the direction of two edges now and at the collision-free state below which they have passed
     /// through each other; below -1 edges never attract.
     pub edge_attraction: f64,
-    /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
-    pub attraction: bool,
-    /// Whether the laws act once per collision step, before C, instead of in every time step
-    /// (`docs/theory/variants.md#repulsion-once-per-collision-step`).
-    pub per_collision_step: bool,
 }
 
 /// Which passes run.
@@ -129,11 +124,6 @@ impl Repulsions {
         };
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
-    }
-
-    /// Whether the laws act once per collision step instead of in every time step.
-    pub(crate) fn per_collision_step(&self) -> bool {
-        self.laws.per_collision_step
     }
 
     /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
@@ -360,7 +350,7 @@ impl OrientedPair {
     fn touch(&self, laws: &Laws, x: &[Vec3], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
         let at = self.pair.positions(x);
         match self.pair.kind {
-            PairKind::PointTriangle => self.point_triangle(laws, &at, reach),
+            PairKind::PointTriangle => self.point_triangle(&at, reach),
             PairKind::EdgeEdge => self.edges(laws, &at, reach),
         }
     }
@@ -394,7 +384,7 @@ impl OrientedPair {
     }
 
     #[inline]
-    fn point_triangle(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+    fn point_triangle(&self, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
         let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
         let across = ab.cross(&ac);
         let area = across.norm_squared();
@@ -408,7 +398,7 @@ impl OrientedPair {
         }
         let (wb, wc) = (b / area, c / area);
         let length = area.sqrt();
-        let side = if laws.attraction { self.side.x } else { height.signum() };
+        let side = self.side.x;
         Some(([1.0, wb + wc - 1.0, -wb, -wc], across * (side / length), height * side / length))
     }
 
@@ -421,7 +411,7 @@ impl OrientedPair {
         }
         let distance = squared.sqrt();
         let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
-        if laws.attraction && normal.dot(&self.side) < laws.edge_attraction {
+        if normal.dot(&self.side) < laws.edge_attraction {
             return Some((found.weights, -normal, -distance));
         }
         Some((found.weights, normal, distance))

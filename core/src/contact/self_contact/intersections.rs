@@ -177,8 +177,7 @@ mod tests {
         for round in 0..40 {
             let bodies = Bodies::new(&scene, &[], 0.0).expect("there are none");
             let state = State::at_start(&scene);
-            let contact =
-                || SelfContact::new(&scene, None, Some(CollisionSettings { max_steps: 16, after_position: false }));
+            let contact = || SelfContact::new(&scene, None, Some(CollisionSettings { max_steps: 16 }));
             let (mut sleeping, mut everywhere) = (contact(), contact());
             sleeping.begin_collision_step(&state, &bodies, 1e-3, &mut Metrics::default());
             // Some vertices go nearly as far towards the other sheet as the list reaches; in the first rounds hardly any do.

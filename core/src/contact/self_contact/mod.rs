@@ -5,7 +5,6 @@
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
 mod intersections;
-mod per_collision_step;
 mod per_time_step;
 pub(super) mod substeps;
 
@@ -24,7 +23,7 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::scene::{Integrator, Scene};
+use crate::scene::{RepulsionPlace, Scene};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
@@ -47,15 +46,11 @@ const FORESIGHT: f64 = 1.3;
 pub struct CollisionSettings {
     /// Largest number of time steps between two collision-free states.
     pub max_steps: u32,
-    /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
-    /// after whole steps.
-    pub after_position: bool,
 }
 
 /// The geometric half.
 #[derive(Debug)]
 struct Geometric {
-    after_position: bool,
     control: Substeps,
     work: CollisionLoop,
     /// Velocities at the collision-free state [m/s].
@@ -77,6 +72,7 @@ pub struct SelfContact {
     search: PairSearch,
     neighbours: ProximityList,
     repulsions: Option<Repulsions>,
+    repulsion_place: RepulsionPlace,
     geometric: Option<Geometric>,
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
@@ -121,8 +117,8 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let is_long = scene.description().solver.integrator == Integrator::TrBdf2;
-        let in_solves = is_long && repulsion.is_some_and(|(laws, _)| !laws.per_collision_step);
+        let repulsion_place = scene.description().solver.integrator.spec().repulsion;
+        let in_solves = repulsion.is_some() && repulsion_place == RepulsionPlace::Solves;
         let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
         let order = match repulsion {
             None => PairOrder::Any,
@@ -131,7 +127,6 @@ impl SelfContact {
         };
         let neighbours = ProximityList::new(&surface, order);
         let geometric = collision.map(|settings| Geometric {
-            after_position: settings.after_position,
             control: Substeps::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
@@ -143,6 +138,7 @@ impl SelfContact {
             search: PairSearch::new(),
             neighbours,
             repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
+            repulsion_place,
             geometric,
             mobility: cloth_mobility(&surface),
             supports: Vec::new(),
@@ -169,19 +165,14 @@ impl SelfContact {
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
 
-    /// Whether repulsions act in every time step.
+    /// True if the scene has self-repulsion.
     pub fn repels(&self) -> bool {
-        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+        self.repulsions.is_some()
     }
 
-    /// Whether repulsions act once per collision step.
-    pub fn repels_per_collision_step(&self) -> bool {
-        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
-    }
-
-    /// Whether collisions are resolved between B.4 and B.5.
-    pub fn collides_after_position(&self) -> bool {
-        self.geometric.as_ref().is_some_and(|g| g.after_position)
+    /// True if the scene has self-repulsion, and it acts there in a step.
+    pub fn repels_in(&self, place: RepulsionPlace) -> bool {
+        self.repulsions.is_some() && self.repulsion_place == place
     }
 
     /// Takes the inverse masses of pinned own vertices in the coming step, from those of all local vertices [1/kg]. All ranks
@@ -246,9 +237,7 @@ impl SelfContact {
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
-            // What acts at the start of the collision step alone has no need of pairs that come close later.
-            let ahead = if repulsions.per_collision_step() { 0.0 } else { displacement.min(self.neighbours.skin()) };
-            let slack = 2.0 * ahead * self.surface.longest_edge();
+            let slack = 2.0 * displacement.min(self.neighbours.skin()) * self.surface.longest_edge();
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
