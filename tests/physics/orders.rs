@@ -1,5 +1,5 @@
 //! How fast errors fall: problems with known answers, at four step lengths or mesh densities and more. That a planted error of
-//! first order breaks such a slope is tested in `core/src/simulation/planted.rs`.
+//! first order breaks such a slope is tested in `core/src/simulation/planted_errors.rs`.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;

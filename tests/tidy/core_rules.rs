@@ -23,8 +23,12 @@ const CLOCK: &str = "core/src/clock.rs";
 const DECODING: (&str, &str) = ("core/src/parallel/message.rs", "pod_collect_to_vec");
 
 /// The only files with small numbers.
-const TOLERANCES: [&str; 3] =
-    ["core/src/tolerances.rs", "core/src/contact/tolerances.rs", "core/src/geometry/tolerances.rs"];
+const TOLERANCES: [&str; 4] = [
+    "core/src/tolerances.rs",
+    "core/src/long_steps.rs",
+    "core/src/contact/tolerances.rs",
+    "core/src/geometry/tolerances.rs",
+];
 
 /// Small numbers elsewhere: file, number, and why it is no tolerance.
 const EXCEPTIONS: [(&str, &str, &str); 7] = [

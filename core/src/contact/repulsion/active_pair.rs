@@ -52,7 +52,7 @@ impl ActivePair {
 pub(super) struct PairsOfKind {
     pub(super) oriented: Vec<OrientedPair>,
     pub(super) order: Order,
-    /// One entry for each of `sided`, in the order of their colours.
+    /// One entry for each of `oriented`, in the order of their colours.
     pub(super) contacts: Vec<Option<ActivePair>>,
     /// The active ones.
     pub(super) live: Vec<u32>,
