@@ -69,6 +69,7 @@ pub mod settings;
 
 pub mod clock;
 pub mod error;
+pub(crate) mod long_steps;
 pub mod tolerances;
 
 #[cfg(test)]

@@ -17,8 +17,8 @@ fn oscillator(integrator: Integrator, omega: f64, damping_ratio: f64, [x, v]: [f
     let mesh = garment.mesh.clone();
     garment.start = Some(mesh.points.iter().map(|p| p + Vec3::y() * x).collect());
     let mut description = scene_of(garment, 1);
+    set_steps_of_a_frame(&mut description, integrator, 1);
     let solver = &mut description.solver;
-    (solver.integrator, solver.steps_per_frame, solver.cfl) = (integrator, 1, 1e6);
     (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-15));
     description.pins.push(PinDescription {
         garment: 0,
@@ -96,12 +96,9 @@ fn sixteen_steps_a_period_lose_less_than_two_per_cent_of_the_amplitude_in_it() {
 /// ratio 1, 0.2 kg/m².
 fn falling_square(integrator: Integrator, steps_per_frame: usize) -> SceneDescription {
     let mut description = scene_of(GarmentDescription::new("sheet", sheet(12, 12, 1.0 / 12.0), 0.2), 24);
+    set_steps_of_a_frame(&mut description, integrator, steps_per_frame);
     let solver = &mut description.solver;
-    (solver.integrator, solver.steps_per_frame) = (integrator, steps_per_frame);
     (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-7));
-    if integrator == Integrator::SemiImplicit {
-        (solver.cfl, solver.max_dt) = (1e6, Some(1.0 / 24.0 / steps_per_frame as f64));
-    }
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
     let stretch = EffectRequest::of_garment("stretch", 0).with("stiffness", 750.0);
     description.effects.push(stretch.with("damping_ratio", 1.0).with("short_edges", 0.0));

@@ -15,6 +15,7 @@ use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
+use crate::scene::RepulsionPlace;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -92,7 +93,29 @@ friction = 0.5",
     ..EffectSpec::BARE
 };
 
+/// Keys of the impulses, which act where the integrator does not have repulsion in its solves.
+const OF_IMPULSES: [&str; 2] = ["stiffness", "limit"];
+
+/// Refuses keys of the impulses that differ from their defaults where nothing reads them.
+fn check_unused(settings: &Settings, context: &BuildContext<'_>) -> Result<(), Problem> {
+    let integrator = context.scene.description().solver.integrator;
+    let usual = Settings::defaults(SPEC.fields);
+    let unused = OF_IMPULSES.into_iter().find(|key| settings.number(key) != usual.number(key));
+    match unused.filter(|_| integrator.spec().repulsion == RepulsionPlace::Solves) {
+        None => Ok(()),
+        Some(key) => Err(Problem::scene(
+            SPEC.name,
+            format!(
+                "`{key}` has no effect with `{}`, with which layers touch at a pressure of 4 kPa",
+                integrator.word()
+            ),
+            "leave it out, or write integrator = \"semi_implicit\" under [solver]",
+        )),
+    }
+}
+
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    check_unused(settings, context)?;
     let laws = Laws {
         stiffness: settings.number("stiffness"),
         limit: settings.number("limit"),

@@ -40,17 +40,15 @@ pub struct IntegratorSpec {
     /// Added to [`crate::SOLVER_VERSION`] in scenes with this integrator; raised where a change leaves the results of all others
     /// alone.
     pub version: u32,
-    /// Keys that have no effect with it.
-    pub unused: &'static [UnusedKeys],
+    /// Keys of `[solver]` that have no effect with it.
+    pub unused: &'static [UnusedKey],
 }
 
-/// Keys of a table that have no effect with an integrator.
+/// A key of `[solver]` that has no effect with an integrator.
 #[derive(Debug, Clone, Copy)]
-pub struct UnusedKeys {
-    /// The effect, or `solver`.
-    pub table: &'static str,
-    /// The keys.
-    pub keys: &'static [&'static str],
+pub struct UnusedKey {
+    /// The key.
+    pub key: &'static str,
     /// The reason.
     pub because: &'static str,
     /// The line of a scene to write instead.
@@ -65,9 +63,8 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
         keeps_acceleration: false,
         strain_per_step: 0.1,
         version: 0,
-        unused: &[UnusedKeys {
-            table: "solver",
-            keys: &["steps_per_frame"],
+        unused: &[UnusedKey {
+            key: "steps_per_frame",
             because: "elastic forces choose the steps of `semi_implicit`",
             instead: "cfl = 2 for shorter steps, or integrator = \"tr_bdf2\"",
         }],
@@ -78,20 +75,11 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
         keeps_acceleration: true,
         strain_per_step: 0.5,
         version: 6,
-        unused: &[
-            UnusedKeys {
-                table: "solver",
-                keys: &["cfl"],
-                because: "`steps_per_frame` chooses the steps of `tr_bdf2`",
-                instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
-            },
-            UnusedKeys {
-                table: "self_repulsion",
-                keys: &["stiffness", "limit"],
-                because: "with `tr_bdf2` layers touch at a pressure of 4 kPa",
-                instead: "friction or thickness_clamp, or integrator = \"semi_implicit\"",
-            },
-        ],
+        unused: &[UnusedKey {
+            key: "cfl",
+            because: "`steps_per_frame` chooses the steps of `tr_bdf2`",
+            instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
+        }],
     },
 ];
 

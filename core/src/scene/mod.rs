@@ -20,7 +20,7 @@ pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
 pub use described::Described;
-pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKeys};
+pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKey};
 pub use origin::{FARTHEST, coarse_place, is_possible};
 pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
 pub use seam::SeamDescription;

@@ -86,7 +86,7 @@ impl SolverPreset {
 }
 
 // Steps decide the error and the time. Solves stop where what they leave is
-// small beside the error of the steps (`docs/dev/decisions/0020-long-steps.md#presets`).
+// small beside the error of the steps (`docs/dev/decisions/0031-presets.md`).
 /// The presets, the fastest first.
 pub const PRESETS: [SolverPreset; 3] = [
     SolverPreset {

@@ -19,6 +19,7 @@ use crate::Vec3;
 use crate::contact::collisions::collision_loop::Strategy;
 use crate::contact::self_contact::Ending;
 use crate::error::StepError;
+use crate::long_steps::LARGEST_CORRECTION;
 use crate::parallel::message::codec;
 use crate::parallel::parts::Parts;
 use crate::solve::conjugate_gradient::Stop;
@@ -37,10 +38,6 @@ const HALVINGS_FOR_BLOWS: u32 = 4;
 /// The same where a solve has not converged: more iterations help sooner, and a tolerance that is out of reach may not cost 64 times
 /// the steps.
 const HALVINGS_FOR_SHORT_SOLVES: u32 = 2;
-
-/// Farthest that collisions may move a vertex in a long step, over the edges around it: the velocities of a step that ended so far
-/// elsewhere do not go with its positions, and throw what lies on the vertex.
-const LARGEST_CORRECTION: f64 = 0.05;
 
 /// Attempts in which vertices keep their positions; in the last all do.
 const HELD_ATTEMPTS: u32 = 4;

@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
+use crate::long_steps::FORCING;
 use crate::parallel::for_each_part::{PerBlock, PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::{SUM_BLOCK, largest};
@@ -32,9 +33,6 @@ pub struct Forcing {
 }
 
 impl Forcing {
-    /// Most of an error that a solve leaves.
-    const MOST: f64 = 0.1;
-
     /// For solves of which those that change no velocity by more than this [m/s] go to their end.
     pub fn new(far: f64) -> Self {
         Self { before: None, far }
@@ -43,7 +41,7 @@ impl Forcing {
     /// Of the squared norm of the error, in the norm of the preconditioner, what this solve may leave. Where the steps before have
     /// shown that forces are nearly linear it is small.
     fn share(&mut self, error: f64) -> f64 {
-        let left = self.before.replace(error).map_or(Self::MOST, |before| Self::MOST.min(0.9 * error / before));
+        let left = self.before.replace(error).map_or(FORCING, |before| FORCING.min(0.9 * error / before));
         left * left
     }
 }

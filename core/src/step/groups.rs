@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
+use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
@@ -15,7 +16,7 @@ use crate::pins::{HardPins, Mobility, PinTargets};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::stage_arrays::StageArrays;
+use crate::step::tr_bdf2::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -151,8 +152,10 @@ pub struct Scratch {
     /// Velocities that forces see in B.5 [m/s]; empty if none looks.
     pub(super) v_seen: Vec<Vec3>,
     pub(super) cg: ConjugateGradient,
-    /// What the stages of the implicit step work with, where it is the integrator.
+    /// Arrays of the stages of the implicit step, where it is the integrator.
     pub(super) stages: Option<Box<StageArrays>>,
+    /// Vertices that rest on bodies in these stages.
+    pub(super) active: ActiveSet,
 }
 
 impl Scratch {
@@ -171,6 +174,7 @@ impl Scratch {
             v_seen,
             cg: ConjugateGradient::new(parts),
             stages: stages.map(Box::new),
+            active: ActiveSet::default(),
         }
     }
 
@@ -188,6 +192,7 @@ impl Scratch {
         (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
             + self.cg.bytes()
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())
+            + self.active.bytes()
     }
 
     /// B.3: x' = x + dt · v½, and v* = v.

@@ -50,7 +50,7 @@ fn fill_solver(root: &mut Node) {
     let origin = Origin::Preset(name);
     let written = table.get("integrator").and_then(Node::as_text).and_then(Integrator::find);
     let unused = written.unwrap_or(preset.integrator).spec().unused;
-    let is_unused = |key: &str| unused.iter().any(|row| row.table == "solver" && row.keys.contains(&key));
+    let is_unused = |key: &str| unused.iter().any(|unused| unused.key == key);
     for (key, value) in preset.written().into_iter().filter(|(key, _)| !is_unused(key)) {
         table.fill(&key, as_written(value), &place, origin.clone());
     }

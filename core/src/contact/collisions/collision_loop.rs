@@ -33,7 +33,7 @@ use crate::metrics::Metrics;
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
 
 /// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
-/// the shorter steps that avoid them (`docs/dev/decisions/0007-self-contact.md`).
+/// the shorter steps that avoid them (`docs/dev/decisions/0037-heaps.md`).
 const HARD_SHARE: u64 = 5;
 
 /// Edge lengths per second at which pairs closer than the gap are opened [1/s].

@@ -87,7 +87,7 @@ impl Response {
             || self.open.are_rigid(collision)
     }
 
-    /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt;
+    /// Changes the displacements of own nodes to resolve the collisions, sorted, more firmly with every attempt;
     /// returns the nodes that may have changed, ascending. All ranks call it together.
     pub(super) fn respond(
         &mut self,
@@ -177,8 +177,8 @@ impl Response {
         }
     }
 
-    /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
-    /// that are open, in order, and the zones that are open now.
+    /// Sends open collisions, and the zones that they open, to all ranks. Returns the collisions that stay here, the
+    /// open collisions of all ranks, in order, and the open zones.
     fn exchange_open(
         &mut self,
         field: &Kinematics<'_>,
@@ -205,8 +205,8 @@ impl Response {
         (own, all.collisions, all.zones)
     }
 
-    /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
-    /// others are concerned with from now on.
+    /// Splits the collisions into those that concern this rank alone and the others, and takes out the zones of this
+    /// rank that concern others from now on.
     fn split(
         &mut self,
         nodes: &ContactNodes,
@@ -238,7 +238,7 @@ impl Response {
         (own, shared, self.closed.take(&places))
     }
 
-    /// One Gauss-Seidel pass over the open hits, each by the rank of the smallest node that it hangs together with.
+    /// One Gauss-Seidel pass over the open collisions, each by the rank of the smallest node of its component.
     fn shared_impulses(
         &mut self,
         field: &Kinematics<'_>,
@@ -367,7 +367,7 @@ impl ZoneSolution {
     }
 }
 
-/// Nodes of hits, in any numbering.
+/// Nodes of collisions, in any numbering.
 struct HitNodes<'a> {
     /// Positions at the collision-free state [m].
     start: &'a [Vec3],
@@ -377,8 +377,8 @@ struct HitNodes<'a> {
     gap: f64,
 }
 
-/// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
-/// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
+/// Tests a collision again after the changes of those before it, and stops it if the pair still meets; returns whether
+/// it does. A pair that meets but needs no change turns a lot, and has to be tested again. Nodes are at `places` of the
 /// arrays.
 fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
     let HitNodes { start, mobility, gap } = *nodes;
@@ -394,7 +394,7 @@ fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displa
     true
 }
 
-/// Own nodes that hits of other ranks name, by their numbers in the scene, ascending.
+/// Own nodes that collisions of other ranks name, by their numbers in the scene, ascending.
 fn named_by_others(nodes: &ContactNodes, collisions: &[Collision]) -> Vec<u32> {
     let halo = nodes.halo();
     let ghosts = collisions.iter().flat_map(Collision::moving).filter(|number| !nodes.owns(*number));

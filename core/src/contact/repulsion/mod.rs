@@ -13,7 +13,7 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraints, project_velocity};
 use crate::contact::broad_phase::candidate_pair::CandidatePair;
 use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
-use crate::contact::repulsion::active_contact::{ActiveContact, OrientedPair, PairsOfKind};
+use crate::contact::repulsion::active_pair::{ActivePair, OrientedPair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::repulsion::colour_halo::HaloPerColour;
 use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
@@ -23,7 +23,7 @@ use crate::contact::topology::pair::{Closest, KINDS, Pair, PairKind};
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
-mod active_contact;
+mod active_pair;
 pub(crate) mod atomic_vectors;
 mod colour_halo;
 pub(crate) mod ghost_constraints;
@@ -80,11 +80,11 @@ pub(crate) struct RepulsionStep<'a> {
 
 /// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
 /// acts, from that velocity.
-type Law<'a> = dyn Fn(&ActiveContact, f64) -> Option<f64> + Sync + 'a;
+type Law<'a> = dyn Fn(&ActivePair, f64) -> Option<f64> + Sync + 'a;
 
 impl PairsOfKind {
     /// The active pairs, in the order of their colours.
-    fn active(&self) -> impl Iterator<Item = &ActiveContact> {
+    fn active(&self) -> impl Iterator<Item = &ActivePair> {
         self.live.iter().filter_map(|&i| self.contacts[i as usize].as_ref())
     }
 }
@@ -119,9 +119,8 @@ impl Repulsions {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let kind = |k: &PairsOfKind| {
-            k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActiveContact>>() + 4)
-        };
+        let kind =
+            |k: &PairsOfKind| k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActivePair>>() + 4);
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
     }
@@ -358,7 +357,7 @@ impl OrientedPair {
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
-    fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActiveContact> {
+    fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActivePair> {
         let (weights, normal, distance) = self.touch(laws, moment.x, ACTIVE * self.thickness)?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
@@ -371,7 +370,7 @@ impl OrientedPair {
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
         let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
-        (response > 0.0).then_some(ActiveContact {
+        (response > 0.0).then_some(ActivePair {
             nodes,
             weights,
             normal,
@@ -420,24 +419,24 @@ impl OrientedPair {
 
 impl Laws {
     /// Approach speed that a pair may keep in a step [m/s] (`docs/theory/self_contact.md#repulsion-with-history`).
-    fn speed_limit(&self, t: &ActiveContact, dt: f64) -> f64 {
+    fn speed_limit(&self, t: &ActivePair, dt: f64) -> f64 {
         self.limit / dt * (t.thickness - t.distance)
     }
 
     /// What the repulsion spring adds to the relative velocity in a step [m/s].
-    fn spring(&self, t: &ActiveContact, dt: f64) -> f64 {
+    fn spring(&self, t: &ActivePair, dt: f64) -> f64 {
         dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
     }
 
     /// Law (a): the repulsion spring.
-    fn elastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn elastic_change(&self, t: &ActivePair, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = self.speed_limit(t, dt);
         let change = || (limit - normal_velocity).min(self.spring(t, dt));
         (normal_velocity < limit).then(change)
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
-    fn inelastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn inelastic_change(&self, t: &ActivePair, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
         let approaches = normal_velocity < 0.0 && normal_velocity < limit;
         approaches.then_some(limit - normal_velocity)
@@ -455,7 +454,7 @@ impl Laws {
 
     /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
     /// the same vertices have borne already is no load any more.
-    fn with_friction(&self, t: &ActiveContact, relative: &Vec3, change: f64) -> Vec3 {
+    fn with_friction(&self, t: &ActivePair, relative: &Vec3, change: f64) -> Vec3 {
         let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
         let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };

@@ -2,8 +2,8 @@
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
-use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::repulsion::pair_forces::PairForce;
+use crate::long_steps::SETTLED_PAIR;
 use crate::parallel::parts::Parts;
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
@@ -14,7 +14,6 @@ use crate::step::StepReport;
 pub struct StageArrays {
     pub(super) matrix: BlockMatrix,
     pub(super) cg: PreconditionedCg,
-    pub(super) active: ActiveSet,
     /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
     pub(super) v_start: Vec<Vec3>,
     /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
@@ -35,10 +34,6 @@ pub struct StageArrays {
     /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
     pub(super) unsettled_vertices: Option<Vec<u32>>,
 }
-
-/// Change of the distance of a pair in the last round of a stage from which on the pair is unsettled, over its thickness: how hard it
-/// pushes is not known then.
-const SETTLED_PAIR: f64 = 0.5;
 
 impl StageArrays {
     /// Pairs whose distance the last solve has changed so much, in a step of `dt` [s], that the stage is not settled.
@@ -67,7 +62,6 @@ impl StageArrays {
         Self {
             matrix,
             cg,
-            active: ActiveSet::default(),
             v_start: local.clone(),
             x: local.clone(),
             v: local.clone(),
@@ -89,6 +83,5 @@ impl StageArrays {
             + self.pairs.capacity() * size_of::<PairForce>()
             + self.matrix.bytes()
             + self.cg.bytes()
-            + self.active.bytes()
     }
 }
