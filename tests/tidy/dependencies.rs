@@ -2,23 +2,17 @@
 //! decision, with a page in `docs/dev/decisions/`. Licences are judged by `packaging/licences.toml`.
 
 use drapery_core::effects::LISTED;
+use drapery_tests::structure::members;
 
 use crate::tree::{report, root};
 
 /// What the solver stands on.
 const OF_THE_SOLVER: [&str; 5] = ["bytemuck", "nalgebra", "rayon", "robust", "thiserror"];
 
-/// The manifest of a crate; of the workspace for an empty folder.
+/// The manifest of a crate.
 pub(crate) fn manifest(folder: &str) -> String {
     let path = root().join(folder).join("Cargo.toml");
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// Folders of the crates of the workspace.
-pub(crate) fn members() -> Vec<String> {
-    let manifest = manifest("");
-    let members = manifest.lines().find(|line| line.starts_with("members")).expect("it lists its members");
-    members.split('"').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
 /// Lines of a manifest in tables whose names end like `table`, without comments.
@@ -36,7 +30,7 @@ fn name(line: &str) -> &str {
 #[test]
 fn every_dependency_is_one_of_the_workspace_and_the_solver_has_five() {
     let mut complaints = Vec::new();
-    for folder in members() {
+    for folder in members(&root()) {
         let manifest = manifest(&folder);
         let elsewhere = lines(&manifest, "dependencies]").filter(|line| !line.contains("workspace = true"));
         complaints.extend(elsewhere.map(|line| format!("{folder}/Cargo.toml: {line}: not that of the workspace")));
@@ -54,8 +48,7 @@ fn dependencies_are_read_from_a_manifest() {
 
 /// Names under `[features]` of a manifest that begin with `effect-`.
 fn effect_features(folder: &str) -> Vec<String> {
-    let path = root().join(folder).join("Cargo.toml");
-    let manifest = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{folder}/Cargo.toml: {e}"));
+    let manifest = manifest(folder);
     let lines = manifest.lines().filter(|line| line.starts_with("effect-"));
     lines.filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
 }
