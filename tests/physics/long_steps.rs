@@ -83,7 +83,7 @@ fn the_amplification_is_that_of_the_scheme() {
 }
 
 #[test]
-fn motion_resolved_by_sixteen_steps_a_period_loses_less_than_two_per_cent_of_its_amplitude_in_it() {
+fn sixteen_steps_a_period_lose_less_than_two_per_cent_of_the_amplitude_in_it() {
     for (steps, most) in [(16.0, 2e-3), (32.0, 3e-4)] {
         let radius = spectral_radius(&amplification(Integrator::TrBdf2, std::f64::consts::TAU / steps, 0.0));
         let lost = 1.0 - radius.powf(steps);
@@ -122,7 +122,7 @@ fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
 }
 
 #[test]
-fn a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on() {
+fn a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame() {
     let reference = fallen(Integrator::SemiImplicit, 1024);
     let error = |steps: usize| {
         let found = fallen(Integrator::TrBdf2, steps);

@@ -319,7 +319,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn changes_that_say_nothing_to_an_integrator_are_not_made_and_a_number_of_long_steps_asks_for_them() {
+    fn changes_are_made_only_to_an_integrator_that_reads_them_and_steps_per_frame_asks_for_it() {
         let (short, long) = (ground(), BaseSettings { is_long: true, ..ground() });
         let eight = (STEPS_PER_FRAME, "8");
         assert_eq!(short.meant(vec![eight]), [(INTEGRATOR, LONG_STEPS), eight]);
