@@ -92,6 +92,6 @@ pub fn set_steps_of_a_frame(description: &mut SceneDescription, integrator: Inte
     if integrator.spec().is_implicit {
         solver.steps_per_frame = steps;
     } else {
-        (solver.cfl, solver.max_dt) = (1e6, Some(frame / steps as f64));
+        (solver.cfl, solver.max_dt) = (1e6, (steps > 1).then(|| frame / steps as f64));
     }
 }

@@ -32,12 +32,12 @@ pub mod scene;
 pub mod setup;
 
 // One time step, line by line as in the paper, and the loop around it.
-pub mod step;
+pub(crate) mod step;
 
 pub mod simulation;
 
 // What a step calls.
-pub mod time_step;
+pub(crate) mod time_step;
 
 pub mod solve;
 

@@ -24,7 +24,7 @@ pub(crate) const WRONG: f64 = 0.02;
 pub(crate) const SETTLED_PAIR: f64 = 0.5;
 
 /// Cap on the extrapolated displacement per stage, in mean edge lengths. After an impact the acceleration before is a bad prediction.
-/// Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.
+/// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub(crate) const EXTRAPOLATED: f64 = 0.04;
 
 /// Change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for an error of the
@@ -66,7 +66,7 @@ pub(crate) const LARGEST_CORRECTION: f64 = 0.05;
 // Solves.
 
 /// Largest share of an error that a solve of a round leaves. Guarded by
-/// `a_step_of_newtons_method_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end`.
+/// `a_newton_step_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end`.
 pub(crate) const FORCING: f64 = 0.1;
 
 /// Vertices of an aggregate, by a quarter less or half more. Half of it takes hardly fewer iterations, and half as much time

@@ -14,7 +14,7 @@ pub mod names;
 pub(crate) mod origin;
 mod pin;
 mod seam;
-pub mod seam_pairs;
+pub(crate) mod seam_pairs;
 mod solver;
 pub mod vertex_maps;
 
@@ -240,7 +240,7 @@ impl SceneDescription {
 }
 
 /// Thickness of a garment that does not say it [m]: a shirt's.
-pub const DEFAULT_THICKNESS: f64 = 0.0005;
+pub(crate) const DEFAULT_THICKNESS: f64 = 0.0005;
 
 /// Largest thickness that a scene may write [m].
 pub const LARGEST_THICKNESS: f64 = 1e3;

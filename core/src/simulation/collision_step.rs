@@ -205,7 +205,6 @@ impl Simulation {
                 mean_edge: scene.mean_edge(),
                 stop,
                 held: self.retry.held().or(scene.isolated()),
-                is_retry: self.retry.is_retrying(),
                 integrator: settings.integrator,
             },
             report: StepReport::default(),

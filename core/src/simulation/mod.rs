@@ -30,7 +30,7 @@ mod checkpoint;
 mod collision_step;
 mod cost;
 mod estimate;
-pub mod frame_io;
+pub(crate) mod frame_io;
 mod frame_summary;
 mod load_balance;
 mod lowered_thickness;

@@ -21,7 +21,7 @@ use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
 /// The cloth of a rank.
-pub struct Cloth {
+pub(crate) struct Cloth {
     /// Positions and velocities of the local vertices; ghosts are those of their owners before and after a step.
     pub state: State,
     /// Arrays that a step writes and the next one overwrites.
@@ -46,7 +46,7 @@ impl Cloth {
 }
 
 /// What acts on the cloth.
-pub struct Dynamics {
+pub(crate) struct Dynamics {
     /// Forces of every part.
     pub forces: PartForces,
     /// Which own parts need vertices of other ranks.
@@ -60,7 +60,7 @@ pub struct Dynamics {
 }
 
 /// Whose motion is given.
-pub struct Prescribed {
+pub(crate) struct Prescribed {
     /// The bodies.
     pub bodies: Bodies,
     /// Animated positions that pins follow.
@@ -85,7 +85,7 @@ impl Prescribed {
 }
 
 /// What the cloth touches.
-pub struct Contacts {
+pub(crate) struct Contacts {
     /// Bodies, if the scene has any.
     pub bodies: Option<BodyCollision>,
     /// Cloth, if the scene asks for it.
@@ -93,7 +93,7 @@ pub struct Contacts {
 }
 
 /// The end of a collision step, from which C goes back to its start or on.
-pub struct CollisionEnd<'a> {
+pub(crate) struct CollisionEnd<'a> {
     /// Positions of the local vertices [m].
     pub x: &'a mut [Vec3],
     /// Velocities of the local vertices [m/s].
@@ -138,7 +138,7 @@ pub(super) const CHUNK: usize = 4096;
 
 /// Arrays that a step writes and the next one overwrites; never saved.
 #[derive(Debug)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     /// v½ [m/s].
     pub(super) v_half: Vec<Vec3>,
     /// v* [m/s]; empty where nothing between B.3 and B.5 changes velocities, so that it is v.
@@ -161,7 +161,7 @@ pub struct Scratch {
 impl Scratch {
     /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
     /// look at velocities, `stages` where the integrator is the implicit one.
-    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
+    pub(crate) fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
         let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
         let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
@@ -188,7 +188,7 @@ impl Scratch {
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
             + self.cg.bytes()
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())

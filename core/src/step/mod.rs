@@ -19,9 +19,9 @@ mod groups;
 mod semi_implicit;
 mod tr_bdf2;
 
-pub use tr_bdf2::StageArrays;
+pub(crate) use tr_bdf2::StageArrays;
 
-pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
+pub(crate) use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
 
 use crate::Vec3;
 use crate::contact::bodies::collision::CollisionStep;
@@ -36,7 +36,7 @@ use crate::scene::{Integrator, RepulsionPlace, Scene};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 
 /// A step: what it works with, and how.
-pub struct Step<'a> {
+pub(crate) struct Step<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
@@ -61,7 +61,7 @@ pub struct Step<'a> {
 
 /// How a step is made.
 #[derive(Debug, Clone, Copy)]
-pub struct StepSettings<'a> {
+pub(crate) struct StepSettings<'a> {
     /// Its length [s].
     pub dt: f64,
     /// How far vertices that are behind their pins, or too deep in bodies, are put right.
@@ -72,15 +72,13 @@ pub struct StepSettings<'a> {
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
     pub held: Option<&'a [u32]>,
-    /// Whether it is made again after something went wrong.
-    pub is_retry: bool,
     /// How elastic forces enter both solves.
     pub integrator: Integrator,
 }
 
 /// What a step reports.
 #[derive(Debug, Clone, Default)]
-pub struct StepReport {
+pub(crate) struct StepReport {
     /// Iterations of both solves.
     pub cg_iterations: usize,
     /// Line at which a number stopped being finite; the rest of the step was not made.
@@ -96,7 +94,7 @@ pub struct StepReport {
 }
 
 /// A line of the listing: its label in the paper, and what it does to a step.
-pub type Line<'a> = (&'static str, fn(&mut Step<'a>));
+pub(crate) type Line<'a> = (&'static str, fn(&mut Step<'a>));
 
 /// Which vertices B.7 concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,7 +129,7 @@ impl StepReport {
 
 impl<'a> Step<'a> {
     /// The lines of a step with this integrator.
-    pub fn listing(integrator: Integrator) -> &'a [Line<'a>] {
+    pub(crate) fn listing(integrator: Integrator) -> &'a [Line<'a>] {
         match integrator {
             Integrator::TrBdf2 => &Self::IMPLICIT_LISTING,
             Integrator::SemiImplicit => &Self::LISTING,
@@ -139,7 +137,7 @@ impl<'a> Step<'a> {
     }
 
     /// Makes the step: the state goes on by its length.
-    pub fn advance(mut self) -> StepReport {
+    pub(crate) fn advance(mut self) -> StepReport {
         self.prescribe();
         for (at, (_, line)) in Self::listing(self.settings.integrator).iter().enumerate() {
             line(&mut self);

@@ -60,7 +60,7 @@ impl<'a> Solves<'a> {
 
 impl<'a> Step<'a> {
     /// The step as in the paper: a line, and what it does.
-    pub const LISTING: [Line<'a>; 11] = [
+    pub(crate) const LISTING: [Line<'a>; 11] = [
         ("B.1", Self::half_velocity),
         ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),

@@ -59,8 +59,9 @@ const GONE: [(&str, &str); 5] = [
     ("self_repulsion.attraction", "true"),
     ("self_repulsion.per_collision_step", "false"),
     ("solver.body_friction", "\"whole_step\""),
-    ("solver.strain_per_step", "0.1"),
+    STRAIN_PER_STEP,
 ];
+const STRAIN_PER_STEP: (&str, &str) = ("solver.strain_per_step", "0.1");
 
 /// Keys of the scene that say what caches hold: velocities, and which faces.
 const FORM: [&str; 2] = ["output.velocities", "output.faces"];
@@ -121,6 +122,8 @@ impl Fingerprint {
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
         scene.retain(|key, value| !key.starts_with(WARNINGS) && !UNSAID.contains(&(key.as_str(), value.as_str())));
+        // "auto" is the value of the programs before.
+        scene.retain(|key, value| key != STRAIN_PER_STEP.0 || value != "\"auto\"");
         let missing: Vec<_> = GONE.into_iter().filter(|(key, _)| is_gone(&scene, key)).chain([PRESET]).collect();
         scene.extend(missing.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
         let mut digests = Digests::new();

@@ -64,7 +64,7 @@ pub(crate) struct ActiveContact {
 
 /// The contacts of a rank's own vertices, ascending, as they are in the present stage.
 #[derive(Debug, Default)]
-pub struct ActiveSet {
+pub(crate) struct ActiveSet {
     contacts: Vec<ActiveContact>,
     /// First contact of each part, and their number at the end.
     rows: Vec<usize>,

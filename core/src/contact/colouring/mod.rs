@@ -236,28 +236,28 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if !self.nodes.ranks().any(!left.is_empty()) {
             return;
         }
-        let mut queues = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
-        let mut changed = queues.nodes();
+        let mut wait_lists = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut changed = wait_lists.nodes();
         let mut round = 0;
         loop {
-            let mut looked_at = self.tell(&queues, &changed);
+            let mut looked_at = self.tell(&wait_lists, &changed);
             changed.clear();
             round += 1;
             if round % ROUNDS_UNTIL_FULL == 0 {
-                self.take_out_full(&mut left, &mut queues, full, &mut changed);
+                self.take_out_full(&mut left, &mut wait_lists, full, &mut changed);
                 looked_at.extend_from_slice(&changed);
             }
             while let Some(node) = looked_at.pop() {
-                let Some(place) = queues.first(node) else { continue };
+                let Some(place) = wait_lists.first(node) else { continue };
                 let of = self.nodes_at(place);
-                if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
+                if of.iter().all(|node| wait_lists.first(*node) == Some(place)) && self.is_known(&of) {
                     self.decide(batch, place, full);
-                    queues.take_out(place, &of);
+                    wait_lists.take_out(place, &of);
                     looked_at.extend(of);
                     changed.extend(of);
                 }
             }
-            if !self.nodes.ranks().any(!queues.is_empty()) {
+            if !self.nodes.ranks().any(!wait_lists.is_empty()) {
                 break;
             }
         }
@@ -265,16 +265,22 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Moves pairs that cannot get a colour of this batch to `full`: colours that are taken stay taken. Called right
     /// after an exchange, so that all ranks with a node of a pair decide alike.
-    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut WaitLists, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
+    fn take_out_full(
+        &self,
+        left: &mut Vec<u32>,
+        wait_lists: &mut WaitLists,
+        full: &mut Vec<u32>,
+        changed: &mut Vec<u32>,
+    ) {
         left.retain(|place| {
-            if queues.is_out(*place) {
+            if wait_lists.is_out(*place) {
                 return false;
             }
             let of = self.nodes_at(*place);
             let is_full = self.used_colours(&of) == u128::MAX;
             if is_full {
                 full.push(*place);
-                queues.take_out(*place, &of);
+                wait_lists.take_out(*place, &of);
                 changed.extend(of);
             }
             !is_full
@@ -323,14 +329,14 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
     /// which something else is known now.
-    fn tell(&mut self, queues: &WaitLists, changed: &[u32]) -> Vec<u32> {
+    fn tell(&mut self, wait_lists: &WaitLists, changed: &[u32]) -> Vec<u32> {
         let nodes = self.nodes;
         let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
         if nodes.halo().is_empty() {
             return known;
         }
         for node in &known {
-            let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            let first = wait_lists.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
             self.announced[*node as usize] = first.unwrap_or(NOBODY);
             self.has_changed[*node as usize] = true;
         }

@@ -33,12 +33,12 @@ pub(super) struct ActivePair {
 impl ActivePair {
     /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
     /// not give way.
-    pub(super) fn stiffer_on_bodies(&self, supports: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+    pub(super) fn stiffer_on_bodies(&self, constraints: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
         // Of each side: nodes with positive weight are pushed along the normal, the others against it.
         let mut firm = [0.0; 2];
         for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
             let direction = self.normal * weight.signum();
-            let share = share_borne_by_bodies(&supports[node as usize], v, &direction);
+            let share = share_borne_by_bodies(&constraints[node as usize], v, &direction);
             firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
         }
         // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.

@@ -75,7 +75,7 @@ pub(crate) struct RepulsionStep<'a> {
     /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
     pub friction: Option<&'a [[f64; 2]]>,
     /// Bodies that the nodes lie on; `None` where repulsion does not care.
-    pub supports: Option<&'a [BodyConstraints]>,
+    pub constraints: Option<&'a [BodyConstraints]>,
 }
 
 /// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
@@ -131,17 +131,17 @@ impl Repulsions {
     pub(crate) fn record_orientations(
         &mut self,
         nodes: &ContactNodes,
-        neighbours: &ProximityList,
+        proximity: &ProximityList,
         x: &[Vec3],
         slack: f64,
         ignored: &(impl Fn(&Pair) -> bool + Sync),
     ) {
         for kind in KINDS {
-            let list = neighbours.list(kind);
+            let list = proximity.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
             let near = |n: &CandidatePair| {
                 let limit = ACTIVE * f64::from(n.thickness) + slack;
-                if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
+                if n.thickness <= 0.0 || proximity.distance_bound(n) > limit {
                     return None;
                 }
                 oriented(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
@@ -161,7 +161,7 @@ impl Repulsions {
                 of_kind.live.extend(places);
                 of_kind.oriented.extend(pairs);
             }
-            of_kind.order = neighbours.order(kind).restricted(&of_kind.live);
+            of_kind.order = proximity.order(kind).restricted(&of_kind.live);
             of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         self.fresh = false;
@@ -197,7 +197,7 @@ impl Repulsions {
             (0..2).for_each(|kind| law(kind, &|t, approach| laws.elastic_change(t, approach, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
-        if at.supports.is_some() {
+        if at.constraints.is_some() {
             self.nodes.iter().for_each(|&node| v[node as usize] -= self.loads.get(node));
         }
         self.count(metrics);
@@ -266,23 +266,23 @@ impl Repulsions {
 
     /// Before the sweeps: nothing on a body moves into it any more.
     fn project_on_supports(&mut self, at: &RepulsionStep<'_>) {
-        let Some(supports) = at.supports else { return };
+        let Some(constraints) = at.constraints else { return };
         if self.loads.count() != at.nodes.cloth() {
             self.loads = AtomicVectors::new(at.nodes.cloth());
         }
         for &node in &self.nodes {
             let mut load = Vec3::zeros();
             self.velocities
-                .set(node, &project_velocity(&supports[node as usize], &self.velocities.get(node), &mut load));
+                .set(node, &project_velocity(&constraints[node as usize], &self.velocities.get(node), &mut load));
             self.loads.set(node, &load);
         }
     }
 
     /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
     fn apply_impulse(&self, at: &RepulsionStep<'_>, node: u32, velocity: &Vec3) {
-        let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
+        let Some(constraints) = at.constraints else { return self.velocities.set(node, velocity) };
         let mut load = self.loads.get(node);
-        self.velocities.set(node, &project_velocity(&supports[node as usize], velocity, &mut load));
+        self.velocities.set(node, &project_velocity(&constraints[node as usize], velocity, &mut load));
         self.loads.set(node, &load);
     }
 
@@ -296,7 +296,7 @@ impl Repulsions {
             let [a, b, c, d] = t.weights;
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
             let Some(change) = law(t, relative.dot(&t.normal)) else { return };
-            let stiffer = at.supports.map_or(1.0, |supports| t.stiffer_on_bodies(supports, at.mobility, &v));
+            let stiffer = at.constraints.map_or(1.0, |constraints| t.stiffer_on_bodies(constraints, at.mobility, &v));
             let impulse = self.laws.with_friction(t, &relative, change * stiffer) / t.response;
             for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
                 let share = weight * at.mobility[node as usize];
@@ -357,19 +357,19 @@ impl OrientedPair {
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
-    fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActivePair> {
-        let (weights, normal, distance) = self.touch(laws, moment.x, ACTIVE * self.thickness)?;
+    fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
+        let (weights, normal, distance) = self.touch(laws, step.x, ACTIVE * self.thickness)?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.
-        let [a, b, c, d] = nodes.map(|node| moment.mobility[node as usize]);
+        let [a, b, c, d] = nodes.map(|node| step.mobility[node as usize]);
         let free = a.max(b).max(c).max(d);
         let (mut response, sum) = (0.0, a + b + c + d);
         for (own, w) in [a, b, c, d].into_iter().zip(weights) {
             response += w * w * if own > 0.0 { own } else { free };
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
-        let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        let friction = step.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
         (response > 0.0).then_some(ActivePair {
             nodes,
             weights,

@@ -11,7 +11,7 @@ use crate::step::StepReport;
 
 /// Arrays of the implicit step; made once.
 #[derive(Debug)]
-pub struct StageArrays {
+pub(crate) struct StageArrays {
     pub(super) matrix: BlockMatrix,
     pub(super) cg: PreconditionedCg,
     /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
@@ -50,7 +50,7 @@ impl StageArrays {
     }
 
     /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
-    pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
+    pub(crate) fn new(parts: &Parts, forces: &mut PartForces) -> Self {
         let matrix = BlockMatrix::new(parts, &|part, visit| {
             forces[part].iter().for_each(|force| force.visit_elements(visit));
         });
@@ -77,7 +77,7 @@ impl StageArrays {
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let vectors = 5 * self.x.len() + 3 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()

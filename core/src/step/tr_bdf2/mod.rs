@@ -17,7 +17,7 @@ mod parts;
 mod prescription;
 mod stages;
 
-pub use arrays::StageArrays;
+pub(crate) use arrays::StageArrays;
 
 use super::{Line, Step};
 use crate::clock::Watch;
@@ -39,7 +39,7 @@ const U: f64 = W - 1.0;
 
 impl<'a> Step<'a> {
     /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
-    pub const IMPLICIT_LISTING: [Line<'a>; 12] = [
+    pub(crate) const IMPLICIT_LISTING: [Line<'a>; 12] = [
         ("B.1", Self::implicit_half_velocity),
         ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),

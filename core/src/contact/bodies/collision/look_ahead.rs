@@ -12,7 +12,7 @@ impl BodyCollision {
     /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load.
     /// The look-ahead is relative to the body (`docs/theory/friction.md#corrections`). `x` and `v` are those of own vertices;
     /// `concerns` tells which of them, by their places in it, this is about.
-    pub fn final_velocity(
+    pub(crate) fn final_velocity(
         &self,
         (bodies, dt): (&Bodies, f64),
         concerns: &(impl Fn(usize) -> bool + Sync),
