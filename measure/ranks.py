@@ -78,7 +78,8 @@ TABLES = [
     Table(PAGE, "memory", ["most of a rank [MB]", "mean [MB]", "steps"], {
         f"memory_{ranks}": (f"{ranks} rank{'s' * (ranks > 1)}", memory(ranks)) for ranks in (1, 2, 4, 8)}),
     Table(PAGE, "traffic", ["messages of a rank and step", "kB of a rank and step", "collective operations a step", "iterations a step"], {
-        **{f"ball_{ranks}": (f"spinning ball, ranks: {ranks}", traffic(lambda: on_the_ball(316, 240), (0, 1), ranks)) for ranks in (1, 2, 4, 8, 16)},
+        **{f"ball_{ranks}": (f"spinning ball, ranks: {ranks}", traffic(lambda: on_the_ball(316, 240), (0, 1), ranks))
+           for ranks in (1, 2, 4, 8, 16)},
         **{f"stack_{ranks}": (f"folded stack, ranks: {ranks}", traffic(folded_stack, (0, 6), ranks)) for ranks in (2, 4)},
     }),
     Table(PAGE, "large", ["steps", "s a step", "memory of all [MB]", "s in all", "body contacts", "collision steps"], {

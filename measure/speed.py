@@ -68,7 +68,8 @@ def together(**both):
 def sheets(name, make, bars):
     kind = "hung" if make is hung else "draped over a ball"
     what = f"square metre, {kind}, 1000 N/m, 10 µN·m"
-    rows = {f"{name}_{n // 1000}k": (f"{what}, {n:,} triangles", shot(lambda n=n: make(CELLS[n]), (0, 48), bar)) for n, bar in zip(CELLS, bars)}
+    rows = {f"{name}_{n // 1000}k": (f"{what}, {n:,} triangles", shot(lambda n=n: make(CELLS[n]), (0, 48), bar))
+            for n, bar in zip(CELLS, bars)}
     return {**rows, f"growth_{name}": (f"cost of a frame by triangles, {kind}", growth(make, (0, 48), 1.1))}
 
 
