@@ -17,20 +17,26 @@ const ROOMS: &str = "core/src/effects";
 /// The files of a checkout that name effects outside the effects' own rooms, below its root, each with how often.
 pub fn named_outside_their_rooms(root: &Path) -> Vec<(PathBuf, usize)> {
     let is_listed = |stem: &str| LISTED.iter().any(|(name, _)| *name == stem);
-    let files = FOLDERS.iter().flat_map(|folder| rust_files(&root.join(folder)));
-    let below = |path: PathBuf| path.strip_prefix(root).map(Path::to_owned).ok();
-    let outside = files.filter_map(below).filter(|path| {
+    let is_room = |path: &Path| {
         let first = path.strip_prefix(ROOMS).ok().and_then(|path| path.iter().next());
-        !first.is_some_and(|name| is_listed(name.to_string_lossy().trim_end_matches(".rs")))
-    });
+        first.is_some_and(|name| is_listed(name.to_string_lossy().trim_end_matches(".rs")))
+    };
     // An effect of this program alone: an older checkout may not have it.
     let effects: BTreeSet<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| has_room(root, name)).collect();
+    named_outside(root, &effects, is_room)
+}
+
+/// The files of a checkout, without those of rooms, in which code has one of these words as a text, below its root, each with how
+/// often.
+pub fn named_outside(root: &Path, words: &BTreeSet<&str>, is_room: impl Fn(&Path) -> bool) -> Vec<(PathBuf, usize)> {
+    let files = FOLDERS.iter().flat_map(|folder| rust_files(&root.join(folder)));
+    let below = |path: PathBuf| path.strip_prefix(root).map(Path::to_owned).ok();
     let count = |path: PathBuf| {
         let text = std::fs::read_to_string(root.join(&path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        let names = names(&text, &effects);
+        let names = names(&text, words);
         (path, names)
     };
-    outside.map(count).filter(|(_, names)| *names > 0).collect()
+    files.filter_map(below).filter(|path| !is_room(path)).map(count).filter(|(_, names)| *names > 0).collect()
 }
 
 fn has_room(root: &Path, effect: &str) -> bool {

@@ -7,7 +7,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
-use super::stored::{ORIGIN, dataset, origin, place_of};
+use super::datasets::{ORIGIN, dataset, origin, place_of};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::triangles_to_store;
 use crate::mesh_data::MeshData;
