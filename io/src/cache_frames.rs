@@ -40,9 +40,9 @@ pub struct CacheMesh {
     pub counts_samples: bool,
     /// Whether nothing of it changes from sample to sample; a stage shows what stands still at all times.
     pub is_still: bool,
-    /// What a mesh of a stage is for, in USD's words (`render`, `proxy`, `guide`), if not for everything.
+    /// Purpose of a mesh of a stage, in USD's words (`render`, `proxy`, `guide`), if not everything.
     pub purpose: Option<String>,
-    /// What of it neither its attributes nor its frames hand through, a sentence each.
+    /// Properties of it that neither its attributes nor its frames hand through, a sentence each.
     pub left_out: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ pub struct CacheMesh {
 pub struct Between {
     /// The frame before it.
     pub frame: i64,
-    /// How far behind that, in frames; between 0 and 1.
+    /// Distance behind that, in frames; between 0 and 1.
     pub behind: f64,
 }
 
@@ -77,13 +77,13 @@ pub struct StoredFrame {
     pub has_bounds_of_points: bool,
 }
 
-/// Where points are counted from, and the points.
+/// Origin of stored points, and the points.
 pub type Shifted = ([f64; 3], Vec<[f32; 3]>);
 
 /// The samples of an opened cache, in unit and axes of the file.
 ///
 /// # Errors
-/// Of every function: the file cannot be read, or contradicts itself.
+/// Every function fails where the file cannot be read, or contradicts itself.
 pub trait CacheSamples: Send + Sync {
     /// Points in the world.
     fn world(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError>;
@@ -97,7 +97,7 @@ pub trait CacheSamples: Send + Sync {
     /// All that is stored.
     fn frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError>;
 
-    /// What of a mesh is the same in all frames. `about` is what the cache says of the mesh.
+    /// Faces, texture coordinates and all else of a mesh that is the same in all frames. `about` is what the cache says of the mesh.
     fn attributes(&self, mesh: usize, about: &CacheMesh) -> Result<MeshData, IoError>;
 
     /// Faces, where they may be others than those of the first sample.
@@ -128,7 +128,7 @@ pub struct CacheFrames {
     pub fps: Option<f64>,
     /// Time codes of a stage that a frame takes; 1 in all caches of this program.
     pub codes_per_frame: f64,
-    /// What somebody may want to know of a stage of another program, a sentence each.
+    /// Notes on a stage of another program, a sentence each.
     pub notes: Vec<String>,
     /// Meshes of a stage that are none of the cache, since nothing is to be seen of them, a sentence each.
     pub hidden: Vec<String>,
@@ -143,7 +143,7 @@ pub struct CacheFrames {
 pub struct StoredPositions {
     /// Unit and axes of the numbers.
     pub units: Units,
-    /// What they are counted from.
+    /// Origin that they are counted from.
     pub origin: [f64; 3],
     /// The positions.
     pub points: Vec<[f32; 3]>,

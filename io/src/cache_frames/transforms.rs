@@ -1,4 +1,4 @@
-//! What parents make of stored velocities.
+//! Velocities in the world, from stored ones and the transforms of parents.
 
 use drapery_alembic::{IDENTITY, Matrix, transform_point};
 

@@ -92,7 +92,7 @@ fn shown(source: &CacheFrames, mesh: usize, conversion: &Conversion) -> Result<(
     samples::chosen(source, mesh, conversion.frames, &conversion.to)
 }
 
-/// What becomes of each mesh, with its samples.
+/// Conversion of each mesh, with its samples.
 ///
 /// # Errors
 /// A mesh lacks what its first frame has; there is more than may be held in memory as a whole.

@@ -37,10 +37,10 @@ pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn C
 /// Opens a cache to be read back.
 pub type OpenCache = fn(&Path, Opening) -> Result<CacheFrames, IoError>;
 
-/// How a cache is opened where its format lets one choose; by default as it is.
+/// Choices in opening a cache, for formats that offer them; none by default.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Opening {
-    /// Where the tables of an earlier commit stand in the file [bytes].
+    /// Offset of the tables of an earlier commit in the file [bytes].
     pub root: Option<u64>,
     /// Frames a second, for samples that have times.
     pub rate: Option<f64>,
@@ -75,7 +75,7 @@ pub struct ShotCache<'a> {
     pub part: Part,
 }
 
-/// What is rendered of a garment.
+/// Role of a cache where a garment is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// The garment itself.
@@ -102,7 +102,7 @@ pub struct SingleFormat {
     pub most_bytes: u64,
 }
 
-/// What such a file will hold.
+/// Content of such a file, known before its first sample.
 pub struct SinglePlan<'a> {
     /// The file, for messages.
     pub path: &'a Path,
@@ -143,21 +143,21 @@ pub struct Format {
     pub binds_materials: bool,
     /// Whether a file may be made of others, wherever these lie.
     pub refers_to_others: bool,
-    /// How meshes are read from it, if they are.
+    /// Opens meshes, if they are read from it.
     pub open: Option<OpenMesh>,
-    /// How caches are written to it, if they are.
+    /// Creates a cache, if they are written to it.
     pub create: Option<CreateCache>,
-    /// How caches in it are continued, if they are written.
+    /// Continues a cache, if they are written to it.
     pub resume: Option<ResumeCache>,
-    /// How caches in it are read back, if they are.
+    /// Opens a cache to be read back, if that is done.
     pub read_back: Option<OpenCache>,
-    /// What a file of it holds.
+    /// Tells what a file of it holds.
     pub summary_of: Summarise,
     /// The folder beside a cache that holds a part of it, if there is one.
     pub folder_of: Option<fn(&Path) -> PathBuf>,
     /// The file over all caches of a shot, if there is one.
     pub shot: Option<ShotFormat>,
-    /// How several meshes with all their frames are written as one file, if they are.
+    /// Writes several meshes with all their frames as one file, if that is done.
     pub single: Option<SingleFormat>,
     /// Whether a panic on this thread becomes an error of a file in it, if one ever does.
     pub answers_panics: Option<fn() -> bool>,
@@ -300,7 +300,7 @@ pub fn answers_panics() -> bool {
     FORMATS.iter().filter_map(|format| format.answers_panics).any(|answers| answers())
 }
 
-/// What finds the objects whose path fits a pattern.
+/// Matcher of the objects whose path fits a pattern.
 fn fitting(path: &Path, pattern: &str) -> Result<GlobMatcher, IoError> {
     let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|error| {
         IoError::data(path, format!("path = \"{pattern}\""), error.to_string(), "write it like /hero/geo/*")

@@ -129,7 +129,7 @@ impl CacheSamples for ArchiveSamples {
     }
 }
 
-/// What of a mesh is not handed through, a sentence each.
+/// Properties of a mesh that are not handed through, a sentence each.
 fn left_out(mesh: &PolyMesh) -> Vec<String> {
     let name = mesh.object().path();
     let mut sentences = Vec::new();

@@ -51,7 +51,7 @@ pub struct AlembicWriter {
     options: ArchiveOptions,
     properties: Vec<(&'static str, String)>,
     units: Units,
-    /// What positions are counted from, in the file's unit and axes, if not from the origin of the world.
+    /// Origin that positions are counted from, in the file's unit and axes, if not from the origin of the world.
     origin: Option<[f64; 3]>,
     sampling: TimeSampling,
     first_frame: i64,
@@ -66,7 +66,7 @@ pub struct AlembicWriter {
     mark: CacheMark,
 }
 
-/// What does not change from frame to frame, as the archive holds it: corners clockwise.
+/// Data that does not change from frame to frame, as the archive holds it: corners clockwise.
 struct Still {
     face_counts: Vec<i32>,
     face_indices: Vec<i32>,
@@ -79,7 +79,7 @@ struct Still {
     triangles: Option<Vec<[u32; 3]>>,
 }
 
-/// How far the file is.
+/// Progress of the file.
 #[derive(Debug)]
 enum Stage {
     /// No frame yet, so no file.

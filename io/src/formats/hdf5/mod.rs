@@ -9,7 +9,7 @@
 //! back to zeros. Only when the planned range is another than before, the file is made anew beside the old one, its
 //! frames are copied, and it takes the old one's name.
 //!
-//! What the file is about stands in the attributes of its root (`docs/reference/hdf5_cache.md`).
+//! The attributes of its root say what the file is about (`docs/reference/hdf5_cache.md`).
 //!
 //! | dataset | shape | type | content |
 //! |---|---|---|---|

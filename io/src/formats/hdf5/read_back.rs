@@ -18,7 +18,7 @@ use crate::mesh_data::{Connectivity, MeshData, Uvs};
 struct Samples {
     path: PathBuf,
     file: hdf5::File,
-    /// What its positions are counted from.
+    /// Origin that its positions are counted from.
     origin: [f64; 3],
 }
 

@@ -1,4 +1,4 @@
-//! What an HDF5 cache holds.
+//! Summary of an HDF5 cache.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, face_kinds};
 use crate::input_file;
 
-/// What a cache of this layout holds.
+/// Looks into a cache of this layout.
 ///
 /// # Errors
 /// The file cannot be opened or has another layout.

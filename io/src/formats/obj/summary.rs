@@ -1,4 +1,4 @@
-//! What an OBJ file holds.
+//! Summary of an OBJ file.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
 use crate::mesh_data::MeshReader;
 
-/// What a file holds.
+/// Looks into a file.
 ///
 /// # Errors
 /// It cannot be read or is damaged.

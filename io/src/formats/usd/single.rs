@@ -21,7 +21,7 @@ struct Writer<'a> {
     root: String,
     /// The prim of each mesh.
     paths: Vec<MeshPath>,
-    /// Of a shot, the prims right below the root.
+    /// Prims right below the root of a shot; none of other layers.
     prims: Vec<String>,
     /// Number of meshes that are in the layer.
     begun: usize,

@@ -40,7 +40,7 @@ struct Mesh {
     /// Time codes of the samples: those of frames, then those between them.
     codes: Vec<f64>,
     faces_move: bool,
-    /// What the transforms make of stored points, where that is a shift that never changes.
+    /// Shift that transforms apply to stored points, where they do no more and never change.
     origin: Option<[f64; 3]>,
     /// From stored points to the world, where that never changes.
     fixed: Option<[f64; 16]>,
@@ -183,7 +183,7 @@ impl CacheSamples for Samples {
         Ok(Some(in_world(velocities, &points, &to_world, around)))
     }
 
-    /// Of a mesh that is moved by more than transforms, what is made of it.
+    /// All that is stored; of a mesh that is moved by more than transforms, its points in the world.
     fn frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
         let crossings = self.stage.integers(mesh, CROSSINGS, self.code(mesh, sample))?;
         let crossings = crossings.and_then(|all| u32::try_from(*all.first()?).ok());
@@ -228,7 +228,7 @@ impl CacheSamples for Samples {
     }
 }
 
-/// What a stage leaves open.
+/// Notes on what a stage leaves open.
 fn notes_on(about: &About) -> Vec<String> {
     let mut notes = Vec::new();
     if about.default_prim.is_none() {

@@ -1,4 +1,4 @@
-//! What a stage holds.
+//! Summary of a stage.
 
 use std::path::{Path, PathBuf};
 

@@ -24,7 +24,7 @@ impl Reading {
         UsdError::bad(&self.path, place, what, advice)
     }
 
-    /// What the library answered about a prim.
+    /// The library's answer about a prim.
     pub(crate) fn ok<T>(&self, answer: openusd::Result<T>, prim: &Prim) -> Result<T, UsdError> {
         answer.map_err(|error| usd_error(&self.path, prim.path().as_str(), &error, &self.log))
     }
@@ -110,17 +110,17 @@ pub(super) fn usd_error(path: &Path, place: &str, error: &openusd::Error, log: &
     UsdError::bad(path, place, what, advice)
 }
 
-/// What the library says where a number of a text layer begins with its point, which USD allows and it does not read.
+/// The library's words where a number of a text layer begins with its point, which USD allows and it does not read.
 const POINT_FIRST: &str = "got Punctuation('.')";
 
-/// What helps then.
+/// Advice for that.
 const WRITE_ZERO: &str = "a number that begins with its point (.3) is right in USD, and is not read here: write 0.3, or save the \
                           layer as .usdc";
 
-/// What the library says of letters that it knows no word from.
+/// The library's words for letters that it knows no word from.
 const UNKNOWN_LETTERS: &str = "Logos error";
 
-/// What the library says, without the names of its parts.
+/// The library's message, without the names of its parts.
 fn in_plain_words(what: &str) -> String {
     what.replace(UNKNOWN_LETTERS, "these letters mean nothing in USD")
 }
@@ -135,7 +135,7 @@ fn refused(path: &Path, layer: &str, what: &str) -> UsdError {
     UsdError::bad(path, format!("layer {layer}"), what, advice)
 }
 
-/// What went wrong while the stage was composed: the prim, what, and whether a file is missing.
+/// Flaws of the composition of the stage: the prim, what is wrong, and whether a file is missing.
 pub(super) fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
     use openusd::pcp::CompositionDiagnostic as Diagnostic;
     let path = &reading.path;
