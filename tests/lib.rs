@@ -18,7 +18,7 @@ pub mod source_text;
 pub mod structure;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::scene::{Integrator, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
 pub use drapery_selftest::scenes::*;
 
@@ -82,4 +82,16 @@ pub fn swelling_ball(t: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
 pub fn ball_input(frame: i64) -> FrameInput {
     let time = frame as f64 / 24.0;
     FrameInput { frame, bodies: vec![vec![Sample { time, positions: swelling_ball(time).1 }]], ..FrameInput::default() }
+}
+
+/// Leaves the choice of the step to the frame: this many equal steps in each.
+pub fn set_steps_of_a_frame(description: &mut SceneDescription, integrator: Integrator, steps: usize) {
+    let frame = description.timeline.frame_duration();
+    let solver = &mut description.solver;
+    solver.integrator = integrator;
+    if integrator.spec().is_implicit {
+        solver.steps_per_frame = steps;
+    } else {
+        (solver.cfl, solver.max_dt) = (1e6, (steps > 1).then(|| frame / steps as f64));
+    }
 }

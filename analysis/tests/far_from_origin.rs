@@ -138,7 +138,7 @@ fn caches_far_from_the_origin_hold_the_motion_at_the_origin_within_a_micrometre(
 }
 
 #[test]
-fn a_far_shot_has_the_same_bytes_on_any_ranks_after_a_stop_and_in_a_format_that_is_added_later() {
+fn a_far_shot_has_the_same_bytes_on_any_ranks_after_a_stop_and_in_a_later_format() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, ranks, stopped] = ["whole", "ranks", "stopped"].map(|name| folder.path().join(name));
     run(shot(FAR.into()), &whole, 4);

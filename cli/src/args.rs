@@ -7,12 +7,14 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 use std::time::Duration;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_analysis::bits::Layout;
 use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
 use drapery_core::observe::Tracepoint;
+use drapery_core::scene::Integrator;
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;
 use drapery_io::units::{LengthUnit, UpAxis};
@@ -387,8 +389,8 @@ pub(crate) struct SelftestArgs {
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting, requires = "bits")]
     pub(crate) settings: Vec<(String, String)>,
     /// Integrator of the scenes of the hard cases
-    #[arg(long, value_enum, value_name = "WORD", default_value_t = IntegratorChoice::SemiImplicit, conflicts_with = "drape")]
-    pub(crate) integrator: IntegratorChoice,
+    #[arg(long, value_parser = integrators(), value_name = "WORD", default_value = Integrator::WORDS[0].name, conflicts_with = "drape")]
+    pub(crate) integrator: Integrator,
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,
@@ -411,15 +413,10 @@ pub(crate) enum HardTier {
     Soak,
 }
 
-/// Integrators, by their words in scenes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-pub(crate) enum IntegratorChoice {
-    /// The paper's step
-    SemiImplicit,
-    /// Long steps
-    #[value(name = "tr_bdf2")]
-    TrBdf2,
+/// Parser of the words of integrators in scenes.
+fn integrators() -> impl TypedValueParser<Value = Integrator> {
+    let words = Integrator::WORDS.iter().map(|word| PossibleValue::new(word.name).help(word.help));
+    PossibleValuesParser::new(words).map(|word| Integrator::find(&word).expect("the parser knows these words alone"))
 }
 
 /// Arguments of `report`.

@@ -32,12 +32,12 @@ pub mod scene;
 pub mod setup;
 
 // One time step, line by line as in the paper, and the loop around it.
-pub mod step;
+pub(crate) mod step;
 
 pub mod simulation;
 
 // What a step calls.
-pub mod time_step;
+pub(crate) mod time_step;
 
 pub mod solve;
 
@@ -69,6 +69,7 @@ pub mod settings;
 
 pub mod clock;
 pub mod error;
+pub(crate) mod long_steps;
 pub mod tolerances;
 
 #[cfg(test)]
@@ -81,13 +82,7 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 /// not continued unasked: its frames would not be those of one program.
 pub const SOLVER_VERSION: u32 = 6;
 
-/// Added to [`SOLVER_VERSION`] in scenes with the integrator `tr_bdf2`; raised where a change leaves all others' results alone.
-const LONG_STEPS_VERSION: u32 = 6;
-
 /// Version of the results of scenes with this integrator.
 pub fn solver_version(integrator: scene::Integrator) -> u32 {
-    match integrator {
-        scene::Integrator::SemiImplicit => SOLVER_VERSION,
-        scene::Integrator::TrBdf2 => SOLVER_VERSION + LONG_STEPS_VERSION,
-    }
+    SOLVER_VERSION + integrator.spec().version
 }

@@ -262,7 +262,7 @@ pub fn sides(triangles: impl Iterator<Item = [u32; 3]>) -> impl Iterator<Item = 
 
 /// Edges, by their ends, that do not belong to exactly two triangles which run along them in opposite directions: where a
 /// surface is open, branches, or turns its other side out. Looks at edges whose lower end `is_own`.
-pub fn unpaired_edges(triangles: &[[u32; 3]], is_own: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
+pub(crate) fn unpaired_edges(triangles: &[[u32; 3]], is_own: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
     let sides = sides(triangles.iter().copied()).filter(|[low, ..]| is_own(*low));
     let paired = |of_edge: &[[u32; 3]]| match of_edge {
         // From a corner to itself it runs in both directions.

@@ -82,7 +82,7 @@ impl Metrics {
     }
 
     /// Seconds of all stages when the record was taken out last.
-    pub fn last_seconds(&self) -> f64 {
+    pub(crate) fn last_seconds(&self) -> f64 {
         self.last_seconds
     }
 

@@ -1,7 +1,7 @@
 //! What time changes: positions and velocities of the local vertices.
 
 use crate::Vec3;
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 
 /// Positions [m] and velocities [m/s] of a rank's vertices and its ghosts.
 ///
@@ -24,7 +24,7 @@ impl State {
     pub fn at_start(scene: &Scene) -> Self {
         let timeline = scene.description().timeline;
         let [x, v] = scene.start_state();
-        let foresees = scene.description().solver.integrator == Integrator::TrBdf2;
+        let foresees = scene.description().solver.integrator.spec().keeps_acceleration;
         let a = if foresees { vec![Vec3::zeros(); x.len()] } else { Vec::new() };
         Self { x, v, a, time: timeline.time(timeline.start) }
     }

@@ -13,13 +13,13 @@ use crate::effects::stability::longest_stable_step;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
-use crate::scene::{Integrator, SolverSettings};
+use crate::scene::SolverSettings;
 use crate::state::State;
 use crate::tolerances::{LAST_TWO_STEPS, STEP_OF_A_FRAME};
 
 /// Limits that do not change during a run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StepLimit {
+pub(crate) struct StepLimit {
     /// Largest stable step of the explicit elastic forces [s].
     pub elastic: f64,
     strain_rates: Vec<f64>,
@@ -32,7 +32,7 @@ pub struct StepLimit {
 
 /// A chosen step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Choice {
+pub(crate) struct Choice {
     /// Length [s].
     pub dt: f64,
     /// Whether it ends the interval.
@@ -45,7 +45,7 @@ pub struct Choice {
 
 /// Shares of what is allowed that a step takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepShares {
+pub(crate) struct StepShares {
     /// Of what the elastic forces and the scene allow.
     pub of_longest: f64,
     /// Of what is allowed after that and by the rate of strain.
@@ -54,16 +54,17 @@ pub struct StepShares {
 
 impl StepLimit {
     /// The limits for these forces and masses [kg], and frames that are so far apart [s].
-    pub fn new(
+    pub(crate) fn new(
         parts: &Parts,
         masses: &[f64],
         forces: &[Vec<Box<dyn Force>>],
         settings: &SolverSettings,
         frame: f64,
     ) -> Self {
-        let mut elastic = match settings.integrator {
-            Integrator::SemiImplicit => f64::INFINITY,
-            Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME),
+        let mut elastic = if settings.integrator.spec().is_implicit {
+            frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME)
+        } else {
+            f64::INFINITY
         };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
@@ -76,7 +77,7 @@ impl StepLimit {
     }
 
     /// Length of the step that the cloth allowed last [s]; zero before the first.
-    pub fn last(&self) -> f64 {
+    pub(crate) fn last(&self) -> f64 {
         self.last
     }
 
@@ -100,13 +101,13 @@ impl StepLimit {
     /// How far vertices that are not where they have to be are put right in a step of `dt` [s]: at the speed at which an edge
     /// of this length [m] changes in the longest stable step by what a step may change it (a part of the speed of sound in the
     /// cloth), or at which they are there in a frame, whichever is faster. Neither depends on how long steps are.
-    pub fn recovery_speed(&self, settings: &SolverSettings, edge: f64, dt: f64) -> RecoverySpeed {
+    pub(crate) fn recovery_speed(&self, settings: &SolverSettings, edge: f64, dt: f64) -> RecoverySpeed {
         RecoverySpeed::new(dt, settings.largest_strain_per_step() * edge / self.elastic.min(self.frame), self.frame)
     }
 
     /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is
     /// not finite: the same on all ranks. Looked for once for each state.
-    pub fn rate(
+    pub(crate) fn rate(
         &mut self,
         settings: &SolverSettings,
         parts: &Parts,
@@ -138,12 +139,18 @@ impl StepLimit {
     }
 
     /// Own parts in which the rate of strain that was found last exceeds this one [1/s].
-    pub fn parts_faster_than(&self, rate: f64) -> impl Iterator<Item = usize> {
+    pub(crate) fn parts_faster_than(&self, rate: f64) -> impl Iterator<Item = usize> {
         self.strain_rates.iter().enumerate().filter(move |(_, found)| **found > rate).map(|(part, _)| part)
     }
 
     /// The step from the start of `interval` towards its end [s] at this rate of strain [1/s].
-    pub fn choose(&mut self, settings: &SolverSettings, rate: f64, interval: Range<f64>, shares: StepShares) -> Choice {
+    pub(crate) fn choose(
+        &mut self,
+        settings: &SolverSettings,
+        rate: f64,
+        interval: Range<f64>,
+        shares: StepShares,
+    ) -> Choice {
         let strain = settings.largest_strain_per_step() / rate;
         let whole = self.longest(settings, shares.of_longest).min(strain);
         let limit = if shares.of_allowed < 1.0 { shares.of_allowed * whole.min(self.frame) } else { whole };

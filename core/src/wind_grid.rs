@@ -60,7 +60,7 @@ impl WindGrid {
     }
 
     /// Solver time of the later sample [s].
-    pub fn sampled_until(&self) -> f64 {
+    pub(crate) fn sampled_until(&self) -> f64 {
         self.samples[1].time
     }
 

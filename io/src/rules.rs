@@ -127,10 +127,8 @@ pub static RULES: [Rule; 19] = [
     Rule {
         name: "idle_setting",
         finds: "numbers that change nothing in this scene, because of another setting",
-        exactly: "Looked for: `solver.steps_per_frame` without `tr_bdf2`, and `solver.cfl` with it; `stiffness` and `limit` of \
-                  `[self_repulsion]` with `tr_bdf2`, and `edge_attraction` without `attraction`; `ambient` of `[garment.pressure]` \
-                  without `gas`; `rest` of a body without a pre-roll. Numbers that are the default are left alone.",
-        line: "integrator = \"tr_bdf2\"",
+        exactly: "Looked for: `ambient` of `[garment.pressure]` without `gas`; `rest` of a body without a pre-roll. Numbers that are the default are left alone.",
+        line: "gas = true",
     },
     Rule {
         name: "unopened_format",

@@ -1,39 +1,83 @@
-//! What pins ask of the cloth between them, known before anything is simulated: they are prescribed.
+//! Warnings about pins before anything is simulated: their motion is prescribed, and so is the motion of bodies.
 
-use drapery_core::simulation::StrainRecord;
+use drapery_core::simulation::{PinInBody, StrainRecord};
 use drapery_core::tolerances::STRETCHED_BETWEEN_PINS;
 
 use crate::error::ShotError;
 use crate::run_record::reader::{FrameRow, StrainRow};
 use crate::shot::Shot;
 
-impl Shot {
-    /// Follows the pins through all frames, and says where they tear the cloth between two of them most; `None` where they do
-    /// nowhere. Reads the inputs of all frames where two neighbours are pinned. For one rank.
-    ///
-    /// # Errors
-    /// An input breaks.
-    pub fn check_pins(&self) -> Result<Option<String>, ShotError> {
-        let timeline = self.about.timeline;
-        let (mut worst, mut torn): (Option<(i64, StrainRecord)>, Vec<i64>) = (None, Vec::new());
-        if !self.simulation().has_pinned_neighbours() {
-            return Ok(None);
-        }
-        for frame in timeline.start..=self.about.last_frame {
-            let Some(record) = self.simulation().strain_between_pins_at(&self.inputs.at(frame)?) else { continue };
-            if record.strain > STRETCHED_BETWEEN_PINS {
-                torn.push(frame);
-                if worst.as_ref().is_none_or(|(_, known)| record.strain > known.strain) {
-                    worst = Some((frame, record));
+/// The worst of the frames in which the same is found.
+struct Worst<T> {
+    frame: i64,
+    record: T,
+    first: i64,
+    count: usize,
+}
+
+impl<T> Worst<T> {
+    /// Adds a record of a later frame; `is_worse` compares it with the worst one so far.
+    fn add(worst: &mut Option<Self>, frame: i64, record: T, is_worse: impl Fn(&T, &T) -> bool) {
+        match worst {
+            None => *worst = Some(Self { frame, record, first: frame, count: 1 }),
+            Some(known) => {
+                known.count += 1;
+                if is_worse(&record, &known.record) {
+                    (known.frame, known.record) = (frame, record);
                 }
             }
         }
-        Ok(worst.map(|(frame, record)| {
-            let text = torn_between_pins(frame, &record.garment, record.vertices.map(u64::from), record.strain);
-            let (first, count) = (torn[0], torn.len());
-            format!("{text} (worst of {count} frames, from frame {first} on)")
-        }))
     }
+
+    /// Text about the worst frame with the number of frames.
+    fn in_words(&self, text: &str) -> String {
+        format!("{text} (worst of {} frames, from frame {} on)", self.count, self.first)
+    }
+}
+
+impl Shot {
+    /// Follows the pins through all frames: warnings where they tear the cloth between two neighbours, and where a body covers a
+    /// pinned vertex. Reads the inputs of all frames where pins can do either. For one rank.
+    ///
+    /// # Errors
+    /// An input breaks.
+    pub fn check_pins(&self) -> Result<Vec<String>, ShotError> {
+        let (mut torn, mut covered) = (None, None);
+        let simulation = self.simulation();
+        let [may_tear, may_be_covered] = [simulation.has_pinned_neighbours(), simulation.has_pins_near_bodies()];
+        if !may_tear && !may_be_covered {
+            return Ok(Vec::new());
+        }
+        for frame in self.about.timeline.start..=self.about.last_frame {
+            let input = self.inputs.at(frame)?;
+            let strained =
+                simulation.strain_between_pins_at(&input).filter(|record| record.strain > STRETCHED_BETWEEN_PINS);
+            if let Some(record) = strained {
+                Worst::add(&mut torn, frame, record, |a, b| a.strain > b.strain);
+            }
+            if may_be_covered
+                && let Some(record) = simulation.pins_inside_bodies_at(&input).map_err(ShotError::Problems)?
+            {
+                Worst::add(&mut covered, frame, record, |a, b| a.depth > b.depth);
+            }
+        }
+        let torn = torn.map(|worst: Worst<StrainRecord>| {
+            let StrainRecord { garment, vertices, strain } = &worst.record;
+            worst.in_words(&torn_between_pins(worst.frame, garment, vertices.map(u64::from), *strain))
+        });
+        let covered = covered.map(|worst| worst.in_words(&pins_in_body(worst.frame, &worst.record)));
+        Ok(torn.into_iter().chain(covered).collect())
+    }
+}
+
+/// Says that a body covers pinned vertices at a frame.
+fn pins_in_body(frame: i64, PinInBody { garment, vertex, body, depth, count }: &PinInBody) -> String {
+    format!(
+        "garment \"{garment}\", frame {frame}: body \"{body}\" covers pinned vertices ({count}, deepest is vertex {vertex} with \
+         {:.1} mm): both motions are prescribed, so the cloth between these and its free vertices intersects the body; pin them \
+         to the body (`to = \"body:{body}\"`), end the pin before that frame (`until`), or animate them outside of it",
+        1e3 * depth
+    )
 }
 
 /// Growth of the strain between pins since it was reported last that is worth reporting again.

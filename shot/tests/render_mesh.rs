@@ -92,7 +92,7 @@ fn bytes(folder: &Path, name: &str) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
-fn a_render_mesh_has_caches_of_its_own_and_the_same_bytes_after_a_stop_and_in_a_format_that_is_added_later() {
+fn a_render_mesh_has_caches_of_its_own_and_the_same_bytes_after_a_stop_or_in_a_later_format() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, stopped] = ["whole", "stopped"].map(|name| folder.path().join(name));
     assert_eq!(run(&whole, &formats(), FRAMES[1]), Outcome::Done);

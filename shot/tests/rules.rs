@@ -445,34 +445,20 @@ fn edges_that_start_far_too_long_or_without_length_are_told() {
 
 #[test]
 fn numbers_that_change_nothing_are_told_with_what_they_need() {
-    let solver = |keys: &str| with(&format!("[solver]\n{keys}\n"));
-    let repulsion = |keys: &str| SHEET.replace("[self_repulsion]\n", &format!("[self_repulsion]\n{keys}\n"));
     let ball = |keys: &str| {
         SHEET.replace("panel = { resolution = 12, center = [5, 1, 0] }", "sphere = { resolution = 6, radius = 0.5 }")
             + &format!("[garment.pressure]\noverpressure = 100\n{keys}\n")
     };
-    let long = "[solver]\nintegrator = \"tr_bdf2\"\n";
     let held = with(HERO) + "rest = \"hero.abc@1\"\n";
     let standing = |folder: &Path| hero(folder, STANDING, 24.0, true);
     rule(
         "idle_setting",
         standing,
         &[
-            (
-                &solver("steps_per_frame = 4"),
-                &["solver: `steps_per_frame` changes nothing here", "integrator = \"tr_bdf2\""],
-            ),
-            (&solver("integrator = \"tr_bdf2\"\ncfl = 2.0"), &["solver: `cfl` changes nothing here"]),
-            (&(repulsion("limit = 0.2") + long), &["self_repulsion: `limit` changes nothing here"]),
-            (&repulsion("attraction = false\nedge_attraction = 0.1"), &["`edge_attraction` changes nothing here"]),
             (&ball("ambient = 90000"), &["garment \"sheet\", pressure: `ambient` changes nothing here", "gas = true"]),
             (&held, &["body \"hero\": `rest` changes nothing here", "preroll"]),
         ],
         &[
-            &solver("cfl = 2.0"),
-            &solver("preset = \"preview\""),
-            &solver("integrator = \"tr_bdf2\"\nsteps_per_frame = 4"),
-            &repulsion("limit = 0.2"),
             &ball("ambient = 90000\ngas = true"),
             &held.replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 2 }"),
         ],

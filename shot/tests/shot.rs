@@ -12,8 +12,8 @@ use drapery_core::Vec3;
 use drapery_core::error::Problems;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinDescription, PinHold, PinTarget, RigidMotion,
-    SceneDescription, Timeline,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
+    RigidMotion, SceneDescription, Timeline,
 };
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
@@ -369,6 +369,37 @@ impl Observer for Listener {
 }
 
 #[test]
+fn pins_that_a_body_covers_are_named_before_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    // In the last frame the body encloses vertex 0, 10 cm from its nearest faces, and not vertex 1.
+    let file = body_file(folder.path(), &[1001, 1002, 1003], |frame, points, _| {
+        let up = if frame == 1003 { 0.48 } else { 0.0 };
+        points.iter_mut().for_each(|p| *p = [p[0] - 0.1, p[1] + up, p[2] - 0.1]);
+    });
+    let check = |vertices: &[u32]| {
+        let mut shot = over_body(folder.path(), &file).unwrap();
+        shot.scene.pins.push(PinDescription {
+            garment: 0,
+            target: PinTarget::Path { anchor: PinAnchor::Start, vertices: vertices.to_vec(), offsets: Vec::new() },
+            axes: [true; 3],
+            from: f64::NEG_INFINITY,
+            until: f64::INFINITY,
+            hold: PinHold::Hard,
+        });
+        shot.scene.effects.push(EffectRequest::of_scene("pins"));
+        Shot::prepare(shot, None).unwrap().check_pins().unwrap().join("; ")
+    };
+    let text = check(&[0, 1]);
+    for part in [
+        "garment \"sheet\", frame 1003: body \"hero\" covers pinned vertices (1, deepest is vertex 0 with 100.0 mm)",
+        "of 1 frames",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert_eq!(check(&[1, 2]), "");
+}
+
+#[test]
 fn pins_that_tear_neighbours_apart_are_told_before_a_run_and_in_it() {
     let folder = tempfile::tempdir().unwrap();
     // The body gets four times as wide in the last frame.
@@ -388,11 +419,11 @@ fn pins_that_tear_neighbours_apart_are_told_before_a_run_and_in_it() {
         shot.scene.effects.push(EffectRequest::of_scene("pins"));
         Shot::prepare(shot, None).unwrap()
     };
-    let said = pinned().check_pins().unwrap().expect("they tear");
+    let said = pinned().check_pins().unwrap().join("; ");
     for part in ["garment \"sheet\", frame 1003: vertices 0 and 1", "times their distance", "worst of 1 frames"] {
         assert!(said.contains(part), "{part}: {said}");
     }
-    assert_eq!(Shot::prepare(falling(folder.path()), None).unwrap().check_pins().unwrap(), None);
+    assert_eq!(Shot::prepare(falling(folder.path()), None).unwrap().check_pins().unwrap(), Vec::<String>::new());
     let mut heard = Listener::default();
     let report = pinned().run(&options(folder.path()), &mut heard).unwrap();
     assert!(heard.0.iter().any(|note| said.starts_with(note.as_str())), "{:?}", heard.0);
@@ -488,7 +519,7 @@ fn a_frame_of_far_more_steps_than_planned_ends_the_run_by_name() {
     garment.start_velocities = Some((0..9).map(|i| Vec3::x() * f64::from(i % 3)).collect());
     shot.scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 1e-3));
     // Edges that change by a millionth of their length in a step, at a rate of a few 1/s.
-    shot.scene.solver.strain_per_step = 1e-7;
+    shot.scene.solver.strain_per_step = Some(1e-7);
     let error =
         Shot::prepare(shot, None).unwrap().run(&options(folder.path()), &mut |_: &FrameReport<'_>| {}).unwrap_err();
     let said = error.to_string();

@@ -51,7 +51,10 @@ fn layers(seed: u64, integrator: Integrator) -> SceneDescription {
         add_pins(&mut description, (0..=cells as u32).collect());
     }
     description.solver.integrator = integrator;
-    description.solver.steps_per_frame = choose(&mut random, &[1, 2, 8, 24]);
+    match choose(&mut random, &[1, 2, 8, 24]) {
+        steps if integrator.spec().is_implicit => description.solver.steps_per_frame = steps,
+        steps => description.solver.max_dt = Some(description.timeline.frame_duration() / steps as f64),
+    }
     with_contact(description)
 }
 

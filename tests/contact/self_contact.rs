@@ -188,27 +188,16 @@ fn self_contact_has_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
-    let variants =
-        ["alone", "every step", "after position", "repelled once", "repelled once after position", "tr_bdf2"];
-    for variant in variants {
+fn a_storm_stays_free_of_crossings_with_each_integrator_and_without_repulsion() {
+    for case in ["collisions alone", "one step at a time", "tr_bdf2"] {
         let mut description = storm(10, 20.0);
-        description.effects.retain(|e| variant != "alone" || e.effect != "self_repulsion");
-        if variant.starts_with("repelled once") {
-            let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion");
-            let repulsion = repulsion.expect("self_repulsion is asked for");
-            *repulsion = repulsion.clone().with_flag("per_collision_step", true);
-        }
-        if variant == "tr_bdf2" {
+        description.effects.retain(|e| case != "collisions alone" || e.effect != "self_repulsion");
+        if case == "tr_bdf2" {
             description.solver.integrator = Integrator::TrBdf2;
         }
-        let collision = description.effects.last_mut().expect("self_collision is the last");
-        match variant {
-            "every step" => *collision = collision.clone().with("max_steps", 1.0),
-            "after position" | "repelled once after position" => {
-                *collision = collision.clone().with_flag("after_position", true)
-            }
-            _ => {}
+        if case == "one step at a time" {
+            let collision = description.effects.last_mut().expect("self_collision is the last");
+            *collision = collision.clone().with("max_steps", 1.0);
         }
         run_free(&mut start(description), 6);
     }

@@ -102,13 +102,11 @@ def make_shots(folder, mannequin):
         return path
 
     twister = changed(SAMPLES / "twister.toml", "from = 3.0", "from = 0.1")  # the ends are caught in frame 6
-    after = "[self_collision]\nafter_position = true"
-    sheets = changed(ROOT / "tests" / "scenes" / "two_sheets.toml", "[self_collision]", after)
     return {
         "held": Shot(scene("held", HELD), "1001-1016"),
         "mannequin": Shot(SAMPLES / "dressed_mannequin.toml", "1001-1005", assets=mannequin),
         "twister": Shot(scene("twister", twister), "0-12", resolution=16),
-        "after position": Shot(scene("two_sheets", sheets), "0-12", resolution=16),
+        "two sheets": Shot(ROOT / "tests" / "scenes" / "two_sheets.toml", "0-12", resolution=16),
         "sheet": Shot(SAMPLES / "hanging_sheet.toml", "1001-1024", resolution=40),
         "long": Shot(SAMPLES / "hanging_sheet.toml", "1001-1200", resolution=60, **{"shot.frames": "1001-1200"}),
     }

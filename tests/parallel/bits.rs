@@ -10,8 +10,8 @@ use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{
-    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription,
-    PinHold, PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold,
+    PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
 };
 use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
@@ -394,21 +394,6 @@ fn a_seam_between_two_garments_and_one_across_a_garment() {
     description.seams.push(seam([0, 0], (0..=80).map(|k| [81 * k, 81 * k + 70]).collect()));
     description.effects.push(EffectRequest::of_scene("seams"));
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
-}
-
-#[test]
-fn variants_of_the_method_on_a_deforming_ball() {
-    let ball = |frame| FrameInput { tracks: Vec::new(), ..ball_and_track(frame) };
-    let mut description = two_sheets_on_a_ball();
-    description.solver.max_dt = Some(1.0 / 480.0);
-    description.solver.body_friction = BodyFriction::PositionHalf;
-    let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion").expect("it is asked for");
-    *repulsion = repulsion.clone().with_flag("per_collision_step", true);
-    let shot = Shot { description, input: ball, frames: 2 };
-    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
-    let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
-    assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
-    shot.has_the_same_bits_everywhere();
 }
 
 #[test]

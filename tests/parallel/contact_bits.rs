@@ -99,10 +99,11 @@ fn run_to_frame(description: &SceneDescription, last: i64, [ranks, others]: [usi
             while simulation.frame() < last {
                 let input = FrameInput::to_frame(simulation.frame() + 1);
                 let advance = simulation.advance_or_pause(&input, &mut |_| stops);
-                if let Advance::Paused(summary) = advance.expect("a frame")
-                    && summary.metrics.counted("retried_shorter") > 0
-                {
-                    return ((simulation.snapshot(), simulation.frame()), true);
+                if let Advance::Paused(summary) = advance.expect("a frame") {
+                    // Counts are on one rank; all have to stop at the same state.
+                    if ranks.any(summary.metrics.counted("retried_shorter") > 0) {
+                        return ((simulation.snapshot(), simulation.frame()), true);
+                    }
                 }
             }
             ((simulation.snapshot(), simulation.frame()), false)

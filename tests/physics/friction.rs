@@ -5,9 +5,7 @@ use std::path::Path;
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{
-    BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription,
-};
+use drapery_core::scene::{BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription};
 use drapery_core::simulation::Simulation;
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::steps::SteppedShot;
@@ -26,7 +24,6 @@ struct Incline {
     /// Velocity of the plane and of everything on it [m/s], in world axes.
     carried: Vec3,
     springs: Option<(f64, f64)>,
-    acts: BodyFriction,
     integrator: Integrator,
 }
 
@@ -44,8 +41,8 @@ fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) 
 impl Default for Incline {
     fn default() -> Self {
         let angle = std::f64::consts::PI / 5.0;
-        let (carried, acts, integrator) = (Vec3::zeros(), BodyFriction::WholeStep, Integrator::SemiImplicit);
-        Self { angle, friction: 0.0, speed: 0.0, steps_per_second: 30, carried, springs: None, acts, integrator }
+        let (carried, integrator) = (Vec3::zeros(), Integrator::SemiImplicit);
+        Self { angle, friction: 0.0, speed: 0.0, steps_per_second: 30, carried, springs: None, integrator }
     }
 }
 
@@ -66,7 +63,6 @@ impl Incline {
         let mut garment = GarmentDescription::new("patch", mesh, 1.0);
         garment.velocity = turn * Vec3::x() * self.speed + self.carried;
         let mut description = scene_of(garment, self.steps_per_second);
-        description.solver.body_friction = self.acts;
         one_step_a_frame(&mut description, self.integrator);
         add_gravity(&mut description, [0.0, -G, 0.0]);
         if let Some((stiffness, damping)) = self.springs {
@@ -137,22 +133,6 @@ fn a_sliding_block_stops_where_coulomb_says_to_second_order() {
             let off = (slid - stop).abs();
             assert!(off <= bound + 5e-8, "{integrator:?}, mu {friction}: {slid} for {stop} within {bound}");
         }
-    }
-}
-
-#[test]
-fn friction_in_the_position_half_alone_fades_with_the_step() {
-    // Resting contact: v never feels friction and is g_t t; the average velocity of a step loses μ g_n dt/2 each time.
-    let (sin, cos) = (std::f64::consts::PI / 5.0).sin_cos();
-    for (friction, steps_per_second) in [(0.6, 30), (0.6, 300), (0.8, 30), (0.8, 1000)] {
-        let acts = BodyFriction::PositionHalf;
-        let incline = Incline { friction, steps_per_second, acts, ..Incline::default() };
-        let slid = incline.slid(&mut incline.start(), 1.0);
-        let dt = f64::from(steps_per_second).recip();
-        // In the first step, at rest, all of the way is held back if μ is large enough.
-        let first = (friction * cos - sin).max(0.0) * 0.5 * G * dt * dt;
-        let expected = 0.5 * G * sin - 0.5 * friction * G * cos * dt + first;
-        assert!((slid - expected).abs() < 1e-11, "mu {friction}, dt {dt}: {slid} for {expected}");
     }
 }
 

@@ -29,7 +29,7 @@ fn pieces(points: &[Vec3], triangles: &[[u32; 3]], of: &str) -> SceneDescription
     garment.maps.insert(of.into(), PaintedMap { values, absolute: true });
     let mut description = scene_of(garment, STEPS);
     description.solver.cg_tolerance = Some(1e-15);
-    description.solver.strain_per_step = 1e9;
+    description.solver.strain_per_step = Some(1e9);
     description.solver.cfl = 1e3;
     description
 }

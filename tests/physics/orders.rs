@@ -1,5 +1,5 @@
 //! How fast errors fall: problems with known answers, at four step lengths or mesh densities and more. That a planted error of
-//! first order breaks such a slope is tested in `core/src/simulation/planted.rs`.
+//! first order breaks such a slope is tested in `core/src/simulation/planted_errors.rs`.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
@@ -14,10 +14,9 @@ use crate::fit::assert_order;
 
 /// Leaves the choice of the step to the frame: one step each, solves without error.
 fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) {
+    set_steps_of_a_frame(description, integrator, 1);
     let solver = &mut description.solver;
-    (solver.cfl, solver.strain_per_step, solver.cg_tolerance) = (1e6, 1e9, Some(1e-15));
-    solver.steps_per_frame = 1;
-    solver.integrator = integrator;
+    (solver.strain_per_step, solver.cg_tolerance) = (Some(1e9), Some(1e-15));
 }
 
 /// Three unit masses on a ring of three springs that starts 10 % too wide, at rest: each moves along its radius, like one on

@@ -17,7 +17,7 @@ fn oscillator(omega: f64, zeta: f64, amplitude: f64, steps_per_second: u32) -> S
     garment.mass = Mass::UniformTotal(3.0);
     let mut description = scene_of(garment, steps_per_second);
     description.solver.cg_tolerance = Some(1e-15);
-    description.solver.strain_per_step = 1e9;
+    description.solver.strain_per_step = Some(1e9);
     description.solver.cfl = 1e3;
     add_pins(&mut description, vec![0, 1, 2]);
     // The targets stand `amplitude` below the start, so that the start is the largest displacement, at rest.

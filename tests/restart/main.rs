@@ -108,9 +108,6 @@ fn everything() -> SceneDescription {
 
 fn shots() -> Vec<Shot> {
     let shot = |name, description, input| Shot { name, description, input };
-    let mut after_position = hitting(true, true);
-    let collision = after_position.effects.pop().map(|request| request.with_flag("after_position", true));
-    after_position.effects.extend(collision);
     let mut hanging = scene_of(GarmentDescription::new("sheet", sheet(12, 12, 0.05), 0.2), 24);
     add_gravity(&mut hanging, [0.0, -9.81, 0.0]);
     add_springs(&mut hanging, 6.0, 1.0);
@@ -129,7 +126,6 @@ fn shots() -> Vec<Shot> {
         shot("repulsion alone", hitting(true, false), still),
         shot("collision alone", hitting(false, true), still),
         shot("both", hitting(true, true), still),
-        shot("after position", after_position, still),
         shot("everything", everything(), ball_and_track),
         shot("everything in implicit steps", implicit, ball_and_track),
     ]

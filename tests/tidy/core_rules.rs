@@ -23,8 +23,12 @@ const CLOCK: &str = "core/src/clock.rs";
 const DECODING: (&str, &str) = ("core/src/parallel/message.rs", "pod_collect_to_vec");
 
 /// The only files with small numbers.
-const TOLERANCES: [&str; 3] =
-    ["core/src/tolerances.rs", "core/src/contact/tolerances.rs", "core/src/geometry/tolerances.rs"];
+const TOLERANCES: [&str; 4] = [
+    "core/src/tolerances.rs",
+    "core/src/long_steps.rs",
+    "core/src/contact/tolerances.rs",
+    "core/src/geometry/tolerances.rs",
+];
 
 /// Small numbers elsewhere: file, number, and why it is no tolerance.
 const EXCEPTIONS: [(&str, &str, &str); 7] = [
@@ -104,6 +108,34 @@ fn every_tolerance_says_which_test_guards_it() {
             if !all.contains(&format!("fn {name}(")) {
                 complaints.push(format!("{}: no test is called {name}", file.name));
             }
+        }
+    }
+    report(&complaints);
+}
+
+/// Files that name an integrator, with the number of times and the reason; all others read its row.
+const NAME_AN_INTEGRATOR: [(&str, usize, &str); 4] = [
+    ("core/src/scene/solver.rs", 3, "the presets"),
+    ("core/src/step/mod.rs", 2, "the listings"),
+    ("core/src/simulation/estimate.rs", 1, "the step that elastic forces would allow if they were explicit"),
+    ("analysis/src/study/vary.rs", 2, "the two words that a study compares"),
+];
+
+/// The rows of the integrators.
+const INTEGRATORS: &str = "core/src/scene/integrator.rs";
+
+#[test]
+fn what_an_integrator_asks_of_others_is_in_its_row() {
+    let mut complaints = Vec::new();
+    let is_test = |name: &str| name.contains("/tests") || name.starts_with("tests/") || name.contains("/benches/");
+    for file in rust_files().iter().filter(|file| file.name != INTEGRATORS && !is_test(&file.name)) {
+        let code = code_only(&file.text);
+        let code = without_tests(&code);
+        let found = ["Integrator::SemiImplicit", "Integrator::TrBdf2"].map(|word| code.matches(word).count());
+        let allowed = NAME_AN_INTEGRATOR.iter().find(|(name, ..)| *name == file.name).map_or(0, |(_, count, _)| *count);
+        if found[0] + found[1] > allowed {
+            let what = "names an integrator more often than is allowed: read `Integrator::spec` instead";
+            complaints.push(format!("{}: {what}", file.name));
         }
     }
     report(&complaints);

@@ -147,3 +147,13 @@ fn the_changelog_names_the_version_of_the_solver() {
     });
     assert_eq!(named.max(), Some(drapery_core::SOLVER_VERSION), "CHANGELOG.md says what each solver version changed");
 }
+
+/// Most words of the changelog: what users notice, by subject. The list of commits has the rest.
+const CHANGELOG_WORDS: usize = 1200;
+
+#[test]
+fn the_changelog_is_a_page() {
+    let log = std::fs::read_to_string(root().join("CHANGELOG.md")).expect("the changelog");
+    let words = log.split_whitespace().count();
+    assert!(words <= CHANGELOG_WORDS, "CHANGELOG.md has {words} words, at most {CHANGELOG_WORDS}");
+}

@@ -9,8 +9,9 @@ use crate::tree::{SourceFile, report, root, rust_files};
 
 /// The rooms of the solver, lowest first: each may import those before it alone. Read upwards, this is how the solver is built
 /// (`docs/dev/architecture.md`).
-const ROOMS: [&str; 33] = [
+const ROOMS: [&str; 34] = [
     "tolerances",
+    "long_steps",
     "clock",
     "error",
     "settings",
@@ -229,22 +230,20 @@ fn every_crate_imports_only_those_below_it() {
     report(&complaints);
 }
 
-/// Lines of the map before its table of invariants.
-const MAP_LINES: usize = 150;
+/// Most words of the map before its table of invariants. Words and not lines, which made paragraphs of tables.
+const MAP_WORDS: usize = 1750;
 
 #[test]
 fn the_map_is_short_and_names_every_room_in_their_order() {
     let page = std::fs::read_to_string(root().join("docs/dev/architecture.md")).expect("the map");
     let map = page.split("\n## Invariants").next().unwrap_or_default();
-    assert!(map.lines().count() <= MAP_LINES, "{} lines before the invariants", map.lines().count());
+    let words = map.split_whitespace().filter(|word| word.contains(char::is_alphanumeric)).count();
+    assert!(words <= MAP_WORDS, "{words} words before the invariants");
     for held in &HELD {
-        // Those of core have a row each, those of another crate are all in its row.
-        let (heading, row) = (format!("## The rooms of {}\n", held.folder), format!("| `{}/src/` | ", held.folder));
+        let heading = format!("## The rooms of {}\n", held.folder);
         let table = map.split(&heading).nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
         let cells = table.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
-        let rooms = cells.chain(map.lines().filter_map(|line| line.strip_prefix(&row)));
-        let words = rooms.flat_map(|cell| cell.split('`').skip(1).step_by(2));
-        let named: Vec<&str> = words.filter(|word| !word.contains('.')).collect();
+        let named: Vec<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
         assert_eq!(named, held.rooms, "{heading}");
     }
 }

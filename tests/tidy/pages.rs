@@ -63,6 +63,60 @@ fn the_index_of_decisions_is_fresh() {
     check("docs/dev/decisions/README.md", &page);
 }
 
+/// Headings of a decision, in their order. `## Code` may follow.
+const DECISION_HEADINGS: [&str; 3] = ["## Question", "## Options", "## Verdict"];
+
+/// Most words of a decision: a longer page is a log, or two decisions.
+const DECISION_WORDS: usize = 600;
+
+/// Faults in the form of a decision page.
+fn faults_of_decision(text: &str) -> Vec<String> {
+    let mut faults = Vec::new();
+    let words = text.split_whitespace().count();
+    if words > DECISION_WORDS {
+        faults.push(format!("{words} words, at most {DECISION_WORDS}"));
+    }
+    let date = text.lines().find_map(|line| line.strip_prefix("Date: 20")).and_then(|rest| rest.get(..8));
+    if !date.is_some_and(|date| date.chars().zip("00-00-00".chars()).all(|(a, b)| a.is_ascii_digit() == (b == '0'))) {
+        faults.push("no line \"Date: YYYY-MM-DD\"".to_owned());
+    }
+    let headings: Vec<&str> = text.lines().filter(|line| line.starts_with("## ")).collect();
+    let (needed, others) = headings.split_at(headings.len().min(DECISION_HEADINGS.len()));
+    if needed != DECISION_HEADINGS || !matches!(others, [] | ["## Code"]) {
+        faults.push(format!("headings {headings:?}, expected {DECISION_HEADINGS:?} and perhaps \"## Code\""));
+    }
+    faults
+}
+
+#[test]
+fn decisions_are_short_and_have_a_date_a_question_options_and_a_verdict() {
+    let pages = crate::tree::text_files().into_iter().filter(|file| {
+        let name = file.name.strip_prefix("docs/dev/decisions/");
+        name.is_some_and(|name| name.starts_with(|c: char| c.is_ascii_digit()))
+    });
+    let faults = pages.flat_map(|file| {
+        faults_of_decision(&file.text).into_iter().map(move |fault| format!("{}: {fault}", file.name))
+    });
+    crate::tree::report(&faults.collect::<Vec<_>>());
+}
+
+#[test]
+fn decisions_out_of_form_are_found() {
+    let page = "# 1: A\n\nDate: 2026-11-20. Machine: M.\n\n## Question\n\n## Options\n\n## Verdict\n\n## Code\n";
+    assert_eq!(faults_of_decision(page), Vec::<String>::new());
+    let faulty = [
+        page.replace("2026-11-20", "today"),
+        page.replace("2026-11-20", "2026"),
+        page.replace("## Options\n\n", ""),
+        page.replace("## Code", "## The search in heaps"),
+        page.replace("## Question", "**Question.**"),
+        format!("{page}{}", "word ".repeat(DECISION_WORDS)),
+    ];
+    for page in faulty {
+        assert_eq!(faults_of_decision(&page).len(), 1, "{page}");
+    }
+}
+
 #[test]
 fn every_page_is_in_the_book() {
     let book = std::fs::read_to_string(root().join("mkdocs.yml")).expect("the order of the book");

@@ -33,7 +33,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
-use drapery_core::scene::Integrator;
 use drapery_io::atomic_file;
 use drapery_io::cache::APPLICATION;
 use drapery_io::error::IoError;
@@ -204,7 +203,7 @@ fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts
         ..SceneFacts::default()
     };
     let ground = BaseSettings {
-        is_long: scene.solver.integrator == Integrator::TrBdf2,
+        is_long: scene.solver.integrator.spec().is_implicit,
         steps_per_frame: scene.solver.steps_per_frame,
         cfl: scene.solver.cfl,
         max_dt: scene.solver.max_dt,

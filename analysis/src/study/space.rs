@@ -220,13 +220,6 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     // They cost time and change no bit, which every study sees for itself.
     space.push(one(THREADS, if ground.threads > 1 { "1" } else { "2" }));
     space.push(one(RANKS, "2"));
-    // What the method's own choices bring.
-    if ground.takes("per_collision_step") {
-        space.push(one("per_collision_step", "true"));
-    }
-    if ground.has(body_collision::SPEC.name) {
-        space.push(one("body_friction", "position_half"));
-    }
     space
 }
 

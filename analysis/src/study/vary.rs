@@ -47,8 +47,7 @@ pub(super) const SHORT_STEPS: &str = Integrator::WORDS[Integrator::SemiImplicit 
 pub(super) const LONG_STEPS: &str = Integrator::WORDS[Integrator::TrBdf2 as usize].name;
 
 /// Short names of keys of the scene, beside those of `[solver]`, which are named without their table.
-const SHORT: [(&str, &str); 2] =
-    [("max_steps", "self_collision.max_steps"), ("per_collision_step", "self_repulsion.per_collision_step")];
+const SHORT: [(&str, &str); 1] = [("max_steps", "self_collision.max_steps")];
 
 /// Power of the number of steps that the time of a run follows, measured on the sample scenes: shorter steps need fewer
 /// iterations each.
@@ -106,8 +105,8 @@ impl BaseSettings {
     /// Whether the scene takes long steps with these changes.
     pub(super) fn is_long_with(&self, changes: &[Change<'_>]) -> bool {
         let chosen = changes.iter().rev().find_map(|(name, value)| match *name {
-            INTEGRATOR => Some(*value == LONG_STEPS),
-            _ if *name == PRESET.name => SolverPreset::find(value).map(|p| p.integrator == Integrator::TrBdf2),
+            INTEGRATOR => Integrator::find(value).map(|integrator| integrator.spec().is_implicit),
+            _ if *name == PRESET.name => SolverPreset::find(value).map(|preset| preset.integrator.spec().is_implicit),
             _ => None,
         });
         chosen.unwrap_or(self.is_long)
@@ -320,7 +319,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn changes_that_say_nothing_to_an_integrator_are_not_made_and_a_number_of_long_steps_asks_for_them() {
+    fn changes_are_made_only_to_an_integrator_that_reads_them_and_steps_per_frame_asks_for_it() {
         let (short, long) = (ground(), BaseSettings { is_long: true, ..ground() });
         let eight = (STEPS_PER_FRAME, "8");
         assert_eq!(short.meant(vec![eight]), [(INTEGRATOR, LONG_STEPS), eight]);

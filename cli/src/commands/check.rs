@@ -19,14 +19,16 @@ pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, 
     }
     patience::at(format!("{}: following the pins through all frames", args.scene.scene.display()));
     let of_pins = shot.check_pins()?;
-    if let Some(warning) = &of_pins {
+    for warning in &of_pins {
         tracing::warn!("{warning}");
     }
     let [first, last] = shot.frames();
     if args.json {
         let mut warnings = plan::warnings_json(&shot);
-        if let (Value::Array(warnings), Some(message)) = (&mut warnings, of_pins) {
-            warnings.push(json!({"rule": null, "object": "", "message": message, "line": ""}));
+        if let Value::Array(warnings) = &mut warnings {
+            let of_pins =
+                of_pins.iter().map(|message| json!({"rule": null, "object": "", "message": message, "line": ""}));
+            warnings.extend(of_pins);
         }
         let all = json!({"shot": shot.name(), "frames": [first, last], "warnings": warnings});
         say::line(format_args!("{all:#}"));

@@ -84,7 +84,7 @@ fn a_contradiction_is_an_error_that_names_what_contradicts() {
 }
 
 #[test]
-fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_what_it_takes_once_measured() {
+fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
     let folder = folder_with(&with_contact());
     let text = drapery(folder.path(), &["plan", "scene.toml", "--without", "self_collision"]).stdout;
     for part in [
@@ -218,7 +218,7 @@ friction = 0.3
 }
 
 #[test]
-fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three_or_the_least_of_it() {
+fn a_plan_expects_what_runs_count_within_a_factor_of_three_or_the_least_of_it() {
     for (scene, touches) in planned_scenes().iter().zip([false, true]) {
         for integrator in ["tr_bdf2", "semi_implicit"] {
             let folder = folder_with(scene);

@@ -53,7 +53,7 @@ pub struct PartBlocks {
 }
 
 /// Calls the second argument with the local vertices of each element that has a vertex in a part.
-pub type VisitElements<'a> = dyn Fn(usize, &mut dyn FnMut(&[u32])) + 'a;
+pub(crate) type VisitElements<'a> = dyn Fn(usize, &mut dyn FnMut(&[u32])) + 'a;
 
 impl BlockMatrix {
     /// A matrix of zeros for the elements of a rank. `elements(part, visit)` gives `visit` the local vertices of each element
@@ -94,7 +94,7 @@ impl PartBlocks {
     }
 
     /// Adds a symmetric block to D of a vertex of the part, counted from its first. Units are those of A.
-    pub fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
+    pub(crate) fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
         let sums = &mut self.diagonal[6 * vertex..6 * vertex + 6];
         sums.iter_mut().zip(stored_symmetric(block)).for_each(|(sum, value)| *sum += value);
     }
@@ -121,7 +121,7 @@ impl PartBlocks {
 
     /// Adds to B_ab, and thereby to B_ba. Once for each part that has the pair.
     #[inline]
-    pub fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
+    pub(crate) fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
         let sums = self.block(slot);
         if slot.is_transposed() {
             add(sums, |row, column| block[(column, row)]);
@@ -248,7 +248,7 @@ impl PartBlocks {
     }
 
     /// Whether some pair has a vertex outside of the rank's own range.
-    pub fn reaches_beyond(&self, own: &Range<usize>) -> bool {
+    pub(crate) fn reaches_beyond(&self, own: &Range<usize>) -> bool {
         self.pattern.outside().iter().any(|(_, other)| !own.contains(&(*other as usize)))
     }
 

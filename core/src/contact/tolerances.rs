@@ -6,7 +6,7 @@
 pub(crate) const CCD_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Largest number of proofs before a pair is reported at the time that is proven. A miss seldom needs more
-/// than three, a hit some more; only pairs that turn or graze closely for long need more. Guarded by
+/// than three, a collision some more; only pairs that turn or graze closely for long need more. Guarded by
 /// `a_contact_is_at_the_gap`.
 pub(crate) const CCD_ROUNDS: usize = 64;
 

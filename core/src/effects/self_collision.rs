@@ -20,23 +20,13 @@ pub static SPEC: EffectSpec = EffectSpec {
     summary: "cloth never passes through cloth, nor through the faces of deforming bodies",
     scope: Scope::Scene,
     example: "[self_collision]",
-    fields: &[
-        Field {
-            name: "max_steps",
-            dimension: Dimension::None,
-            default: Default::Number(16.0),
-            range: (1.0, 64.0),
-            help: "maximum number of time steps (substeps) between two collision passes; adapted up to this",
-        },
-        Field {
-            name: "after_position",
-            dimension: Dimension::None,
-            default: Default::Flag(false),
-            range: (0.0, 0.0),
-            help: "true: resolve collisions after the position half of every time step, as later code of Selle et al. \
-                   does; for comparison only",
-        },
-    ],
+    fields: &[Field {
+        name: "max_steps",
+        dimension: Dimension::None,
+        default: Default::Number(16.0),
+        range: (1.0, 64.0),
+        help: "maximum number of time steps (substeps) between two collision passes; adapted up to this",
+    }],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     elements: "triangles",
     section: Some(SECTION),
@@ -75,8 +65,6 @@ pub static SPEC: EffectSpec = EffectSpec {
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    let after_position = settings.flag("after_position");
-    let max_steps = if after_position { 1 } else { settings.number("max_steps") as u32 };
-    let collision = CollisionSettings { max_steps, after_position };
+    let collision = CollisionSettings { max_steps: settings.number("max_steps") as u32 };
     Ok(Effect { self_collision: Some(collision), elements: own_triangles(context.scene), ..Effect::default() })
 }

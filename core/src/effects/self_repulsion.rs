@@ -15,6 +15,7 @@ use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
+use crate::scene::RepulsionPlace;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -63,20 +64,6 @@ friction = 0.5",
             help: "two edges count as passed through each other if the cosine between their direction and that in the \
                    last intersection-free state is below this; -2: never",
         },
-        Field {
-            name: "attraction",
-            dimension: Dimension::None,
-            default: Default::Flag(true),
-            range: (0.0, 0.0),
-            help: "true: pairs that have passed through each other are pulled back; false is for comparison only",
-        },
-        Field {
-            name: "per_collision_step",
-            dimension: Dimension::None,
-            default: Default::Flag(false),
-            range: (0.0, 0.0),
-            help: "true: repulsion once per collision step instead of in every time step; for comparison only",
-        },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     elements: "triangles",
@@ -95,7 +82,7 @@ friction = 0.5",
         "pair_searches",
     ],
     maps: &[MapSpec::of("thickness", &[]), MapSpec::of("self_friction", &["friction"])],
-    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion", "A neighbours"],
+    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "A neighbours"],
     bytes_of_point: 300.0,
     is_internal: true,
     friction: Some(|settings, _| {
@@ -106,15 +93,34 @@ friction = 0.5",
     ..EffectSpec::BARE
 };
 
+/// Keys of the impulses, which act where the integrator does not have repulsion in its solves.
+const OF_IMPULSES: [&str; 2] = ["stiffness", "limit"];
+
+/// Refuses keys of the impulses that differ from their defaults where nothing reads them.
+fn check_unused(settings: &Settings, context: &BuildContext<'_>) -> Result<(), Problem> {
+    let integrator = context.scene.description().solver.integrator;
+    let usual = Settings::defaults(SPEC.fields);
+    let unused = OF_IMPULSES.into_iter().find(|key| settings.number(key) != usual.number(key));
+    match unused.filter(|_| integrator.spec().repulsion == RepulsionPlace::Solves) {
+        None => Ok(()),
+        Some(key) => Err(Problem::scene(
+            SPEC.name,
+            format!(
+                "`{key}` has no effect with `{}`, with which layers touch at a pressure of 4 kPa",
+                integrator.word()
+            ),
+            "leave it out, or write integrator = \"semi_implicit\" under [solver]",
+        )),
+    }
+}
+
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    let attraction = settings.flag("attraction");
+    check_unused(settings, context)?;
     let laws = Laws {
         stiffness: settings.number("stiffness"),
         limit: settings.number("limit"),
         friction: settings.number("friction"),
         edge_attraction: settings.number("edge_attraction"),
-        attraction,
-        per_collision_step: settings.flag("per_collision_step"),
     };
     Ok(Effect {
         self_repulsion: Some((laws, settings.number("thickness_clamp"))),

@@ -1,7 +1,7 @@
 //! How long a step explicit forces allow (`docs/theory/step.md#the-choice-of-dt`).
 
 use crate::effects::force::Force;
-use crate::scene::{Integrator, SolverSettings};
+use crate::scene::SolverSettings;
 
 /// Longest step that the explicit ones of these forces of a part allow together [s], with the masses of its vertices [kg].
 /// `sums` are zeros, one for each vertex.
@@ -12,10 +12,7 @@ pub(crate) fn longest_stable_step(
     sums: &mut [f64],
 ) -> f64 {
     let cfl = settings.cfl;
-    let explicit = forces.iter().filter(|force| match settings.integrator {
-        Integrator::SemiImplicit => true,
-        Integrator::TrBdf2 => !force.has_blocks(),
-    });
+    let explicit = forces.iter().filter(|force| !settings.integrator.spec().is_implicit || !force.has_blocks());
     explicit.for_each(|f| f.add_stiffness(sums));
     let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
     squared.fold(f64::INFINITY, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt })

@@ -16,7 +16,6 @@
 
 use crate::effects::spec::BuildContext;
 use crate::error::Problem;
-use crate::scene::Integrator;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// The settings of a curve.
@@ -92,7 +91,7 @@ impl TensileCurve {
         }
         // The other integrators take springs to be as stiff all through a run as they are at rest: in their choice of dt, and in
         // the products of their solves.
-        if settings.optional("extension").is_some() && description.solver.integrator != Integrator::TrBdf2 {
+        if settings.optional("extension").is_some() && !description.solver.integrator.spec().is_implicit {
             let what = "`extension` asks for strain stiffening, which this integrator does not have";
             let advice = "write integrator = \"tr_bdf2\" under [solver], or leave `extension` out and stop the cloth with a \
                           [garment.strain_limit]";

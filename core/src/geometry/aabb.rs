@@ -68,7 +68,7 @@ impl Aabb {
 
     /// The box with every side moved out by `margin` \[m\].
     #[inline]
-    pub fn enlarged(&self, margin: f64) -> Aabb {
+    pub(crate) fn enlarged(&self, margin: f64) -> Aabb {
         Aabb {
             min: self.min.map(|x| below(f64::from(x) - margin)),
             max: self.max.map(|x| above(f64::from(x) + margin)),
@@ -77,7 +77,7 @@ impl Aabb {
 
     /// Whether the boxes share a point; touching counts.
     #[inline]
-    pub fn overlaps(&self, other: &Aabb) -> bool {
+    pub(crate) fn overlaps(&self, other: &Aabb) -> bool {
         (self.min[0] <= other.max[0])
             & (self.min[1] <= other.max[1])
             & (self.min[2] <= other.max[2])

@@ -14,7 +14,7 @@ use crate::geometry::tolerances;
 mod build;
 mod pairs;
 
-pub use pairs::PairTask;
+pub(crate) use pairs::PairTask;
 
 /// Primitives in a leaf at most.
 const LEAF_SIZE: usize = 2;
@@ -73,7 +73,7 @@ impl Bvh {
 
     /// Recomputes all boxes from those of the primitives; allocates nothing. Parallel over leaves, same bits on any
     /// number of threads.
-    pub fn refit(&mut self, box_of: impl Fn(u32) -> Aabb + Sync) {
+    pub(crate) fn refit(&mut self, box_of: impl Fn(u32) -> Aabb + Sync) {
         let primitives = &self.primitives;
         let refit_leaves = |pairs: &mut [Siblings]| {
             for node in pairs.iter_mut().flat_map(|pair| pair.0.iter_mut()).filter(|node| node.count != INNER) {
@@ -172,13 +172,13 @@ impl Bvh {
     /// Calls `found` for every primitive whose box overlaps `region`, and for some whose box only comes close (leaves
     /// are not looked into). The order depends on the tree: sort, or take a minimum.
     #[inline]
-    pub fn for_each_overlap(&self, region: &Aabb, found: impl FnMut(u32)) {
+    pub(crate) fn for_each_overlap(&self, region: &Aabb, found: impl FnMut(u32)) {
         self.for_each_where(|bounds| bounds.overlaps(region), found);
     }
 
     /// Calls `found` for every primitive in a leaf for which `inside` holds, as it must for all boxes above it.
     #[inline]
-    pub fn for_each_where(&self, inside: impl Fn(&Aabb) -> bool, mut found: impl FnMut(u32)) {
+    pub(crate) fn for_each_where(&self, inside: impl Fn(&Aabb) -> bool, mut found: impl FnMut(u32)) {
         let mut stack = [0u32; STACK];
         let mut height = 1;
         while height > 0 {

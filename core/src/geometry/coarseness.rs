@@ -18,7 +18,7 @@ use crate::Vec3;
 use crate::mesh::PolygonMesh;
 
 /// Share of an area that a percentile covers.
-pub const COVERED: f64 = 0.95;
+pub(crate) const COVERED: f64 = 0.95;
 
 /// The largest angle between faces of a round body [rad]; what turns farther has an edge there.
 const SHARP: f64 = std::f64::consts::FRAC_PI_3;

@@ -17,8 +17,8 @@ use crate::geometry::bvh::Bvh;
 mod exact;
 mod search;
 
-pub use exact::segment_meets_triangle;
-pub use search::CrossingSearch;
+pub(crate) use exact::segment_meets_triangle;
+pub(crate) use search::CrossingSearch;
 
 /// Pieces of a search: enough for many threads, few enough for their overhead not to show.
 const TASKS: usize = 256;
@@ -44,7 +44,7 @@ pub struct EdgeOwners {
 }
 
 /// Bit of a triangle that edges are tested against; others are there for their edges alone.
-pub const FACE: u8 = 1 << 3;
+pub(crate) const FACE: u8 = 1 << 3;
 
 impl EdgeOwners {
     /// Every edge goes to the first triangle that has it.
@@ -63,7 +63,7 @@ impl EdgeOwners {
     }
 
     /// Owners by their bits: 0 to 2 for the edges [0, 1], [1, 2], [2, 0] of each triangle, and [`FACE`].
-    pub fn of_bits(owned: Vec<u8>) -> Self {
+    pub(crate) fn of_bits(owned: Vec<u8>) -> Self {
         Self { owned }
     }
 
@@ -108,7 +108,7 @@ pub fn find(surface: &Surface<'_>) -> Vec<Crossing> {
 
 /// Those crossings of a surface with itself that have a vertex for which `is_moved` holds, ascending. Looks around the
 /// triangles that have one only.
-pub fn find_moved(surface: &Surface<'_>, is_moved: impl Fn(u32) -> bool + Sync) -> Vec<Crossing> {
+pub(crate) fn find_moved(surface: &Surface<'_>, is_moved: impl Fn(u32) -> bool + Sync) -> Vec<Crossing> {
     let moved = |vertices: &[u32; 3]| vertices.iter().any(|&v| is_moved(v));
     let is_asked = |edge: &[u32; 2], triangle: &[u32; 3]| {
         shares_no_vertex(edge, triangle) && edge.iter().chain(triangle).any(|&v| is_moved(v))
@@ -138,12 +138,12 @@ pub fn find_moved(surface: &Surface<'_>, is_moved: impl Fn(u32) -> bool + Sync) 
 /// Crossings of edges of the first surface with triangles of the second, ascending; each has its own vertex numbers.
 ///
 /// The surfaces meet where this finds something one way or the other way round.
-pub fn find_between(edges_of: &Surface<'_>, triangles_of: &Surface<'_>) -> Vec<Crossing> {
+pub(crate) fn find_between(edges_of: &Surface<'_>, triangles_of: &Surface<'_>) -> Vec<Crossing> {
     find_between_where(edges_of, triangles_of, |_, _| true)
 }
 
 /// The same, of those pairs of an edge and a triangle for which `is_asked` holds.
-pub fn find_between_where(
+pub(crate) fn find_between_where(
     edges_of: &Surface<'_>,
     triangles_of: &Surface<'_>,
     is_asked: impl Fn(&[u32; 2], &[u32; 3]) -> bool + Sync,

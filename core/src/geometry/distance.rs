@@ -49,7 +49,7 @@ impl SegmentPair {
 
 /// Parameter in \[0, 1\] of the point of segment `a`–`b` closest to `p`; 0 for a segment without length.
 #[inline]
-pub fn closest_on_segment(p: &Vec3, a: &Vec3, b: &Vec3) -> f64 {
+pub(crate) fn closest_on_segment(p: &Vec3, a: &Vec3, b: &Vec3) -> f64 {
     let u = b - a;
     let along = (p - a).dot(&u);
     let length_squared = u.norm_squared();
@@ -128,7 +128,7 @@ fn closest_on_edges(p: &Vec3, corners: &[Vec3; 3], wanted: [bool; 3]) -> Triangl
 
 /// Closest points of the segments `a` and `b` if both lie between the ends, and the segments are not parallel.
 #[inline]
-pub fn closest_within_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> Option<SegmentPair> {
+pub(crate) fn closest_within_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> Option<SegmentPair> {
     let (u, v, w) = (a[1] - a[0], b[1] - b[0], b[0] - a[0]);
     let (uu, vv, uv) = (u.norm_squared(), v.norm_squared(), u.dot(&v));
     let (uw, vw) = (u.dot(&w), v.dot(&w));

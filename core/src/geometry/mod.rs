@@ -17,7 +17,7 @@ pub mod face_cuts;
 pub mod moving_surface;
 pub mod path;
 pub mod random;
-pub mod self_crossing;
+pub(crate) mod self_crossing;
 pub mod shapes;
 pub mod surface_binding;
 pub mod tolerances;

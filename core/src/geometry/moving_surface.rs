@@ -27,7 +27,7 @@ const MOVE_CHUNK: usize = 8192;
 
 /// Why a mesh cannot be a body.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum SurfaceError {
+pub(crate) enum SurfaceError {
     /// There is nothing to collide with.
     #[error("the body has no triangles\n  help: give a mesh with faces, or leave the body out")]
     NoTriangles,
@@ -76,7 +76,7 @@ pub enum SurfaceError {
 
 /// The point of a surface closest to a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
+pub(crate) struct SurfacePoint {
     /// The triangle it lies on; the lowest index if several share it.
     pub triangle: u32,
     /// Barycentric weights in that triangle.
@@ -93,7 +93,7 @@ impl SurfacePoint {
     /// Unit gradient of the signed distance at the query point: the direction to it from the surface, outwards. Equals
     /// `normal` on a face; beside an edge or vertex it turns with the query point. Falls back to `normal` where
     /// rounding leaves no direction.
-    pub fn gradient(&self, query: &Vec3) -> Vec3 {
+    pub(crate) fn gradient(&self, query: &Vec3) -> Vec3 {
         if self.distance.abs() <= tolerances::DIRECTION * query.amax() {
             return self.normal;
         }
@@ -103,7 +103,7 @@ impl SurfacePoint {
 
 /// Where the path of a node passes through the moving surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathHit {
+pub(crate) struct PathHit {
     /// The triangle; the lowest index if several are met at the same time.
     pub triangle: u32,
     /// Barycentric weights in that triangle.
@@ -116,7 +116,7 @@ pub struct PathHit {
 
 /// A triangle mesh between two samples.
 #[derive(Clone, Debug)]
-pub struct MovingSurface {
+pub(crate) struct MovingSurface {
     triangles: Vec<[u32; 3]>,
     /// Triangles around vertex v: `stars[star_starts[v]..star_starts[v + 1]]`, ascending.
     star_starts: Vec<u32>,
@@ -140,7 +140,7 @@ pub struct MovingSurface {
 
 impl MovingSurface {
     /// A surface without positions: no query finds anything before the first samples.
-    pub fn new(triangles: Vec<[u32; 3]>, point_count: usize) -> Result<MovingSurface, SurfaceError> {
+    pub(crate) fn new(triangles: Vec<[u32; 3]>, point_count: usize) -> Result<MovingSurface, SurfaceError> {
         if triangles.is_empty() {
             return Err(SurfaceError::NoTriangles);
         }
@@ -170,13 +170,13 @@ impl MovingSurface {
     }
 
     /// The same surface, whose triangles face what they enclose if `inwards`.
-    pub fn facing(self, inwards: bool) -> Self {
+    pub(crate) fn facing(self, inwards: bool) -> Self {
         Self { faces_inwards: inwards, ..self }
     }
 
     /// The two samples that the following steps lie between, times in s, positions in m; equal times mean a body at
     /// rest. The step is then the whole interval.
-    pub fn set_samples(&mut self, time_a: f64, a: &[Vec3], time_b: f64, b: &[Vec3]) -> Result<(), SurfaceError> {
+    pub(crate) fn set_samples(&mut self, time_a: f64, a: &[Vec3], time_b: f64, b: &[Vec3]) -> Result<(), SurfaceError> {
         if time_a.partial_cmp(&time_b).is_none_or(std::cmp::Ordering::is_gt) {
             return Err(SurfaceError::Times { time_a, time_b });
         }
@@ -207,7 +207,7 @@ impl MovingSurface {
 
     /// Moves the surface to a step from `t0` to `t1` \[s\] between the samples (times outside are clamped). Closest
     /// points are then those at `t1`, paths those from `t0` to `t1`. Allocates nothing.
-    pub fn set_step(&mut self, t0: f64, t1: f64) {
+    pub(crate) fn set_step(&mut self, t0: f64, t1: f64) {
         let shares = [self.share_of(t0), self.share_of(t1)];
         let [a, b] = &self.samples;
         let [start, end] = &mut self.positions;
@@ -234,22 +234,22 @@ impl MovingSurface {
     }
 
     /// The triangles.
-    pub fn triangles(&self) -> &[[u32; 3]] {
+    pub(crate) fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
     /// Positions at the end of the step \[m\].
-    pub fn positions(&self) -> &[Vec3] {
+    pub(crate) fn positions(&self) -> &[Vec3] {
         &self.positions[1]
     }
 
     /// Positions at the start and at the end of the step \[m\].
-    pub fn path(&self) -> [&[Vec3]; 2] {
+    pub(crate) fn path(&self) -> [&[Vec3]; 2] {
         [&self.positions[0], &self.positions[1]]
     }
 
     /// Whether it is inside out at the end of the step, so that its sides are exchanged.
-    pub fn is_turned(&self) -> bool {
+    pub(crate) fn is_turned(&self) -> bool {
         self.turned
     }
 
@@ -263,7 +263,7 @@ impl MovingSurface {
     }
 
     /// Whether every edge joins two triangles of the same orientation, so that there is an inside.
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.closed
     }
 
@@ -272,7 +272,7 @@ impl MovingSurface {
     /// `hint` is a triangle that may be close, such as the answer of the last step: it shortens the search and never
     /// changes its result.
     #[inline]
-    pub fn closest(&self, point: &Vec3, max_distance: f64, hint: Option<u32>) -> Option<SurfacePoint> {
+    pub(crate) fn closest(&self, point: &Vec3, max_distance: f64, hint: Option<u32>) -> Option<SurfacePoint> {
         let x = &self.positions[1];
         let hint = hint.filter(|&t| (t as usize) < self.trees[0].len());
         let distance_squared = |t| closest_on_triangle(point, &self.corners(x, t)).distance_squared;
@@ -296,7 +296,7 @@ impl MovingSurface {
     }
 
     /// Velocity of a point of the surface \[m/s\], constant between two samples; zero for a body at rest.
-    pub fn velocity(&self, triangle: u32, weights: [f64; 3]) -> Vec3 {
+    pub(crate) fn velocity(&self, triangle: u32, weights: [f64; 3]) -> Vec3 {
         let duration = self.times[1] - self.times[0];
         if duration == 0.0 {
             return Vec3::zeros();
@@ -306,14 +306,14 @@ impl MovingSurface {
     }
 
     /// A point of the surface \[m\] at a fraction of the step.
-    pub fn point_at(&self, triangle: u32, weights: [f64; 3], fraction: f64) -> Vec3 {
+    pub(crate) fn point_at(&self, triangle: u32, weights: [f64; 3], fraction: f64) -> Vec3 {
         let ends = [0, 1].map(|k| self.point_of(&self.positions[k], triangle, weights));
         ends[0] * (1.0 - fraction) + ends[1] * fraction
     }
 
     /// Earliest place where a node that moves straight from `from` at the start of the step to `to` at its end passes
     /// through the surface.
-    pub fn path_hit(&self, from: &Vec3, to: &Vec3, wanted: Crossings) -> Option<PathHit> {
+    pub(crate) fn path_hit(&self, from: &Vec3, to: &Vec3, wanted: Crossings) -> Option<PathHit> {
         let [start, end] = &self.positions;
         let path = [*from, *to];
         let mut best: Option<PathHit> = None;
@@ -332,12 +332,12 @@ impl MovingSurface {
 
     /// How often the surface winds around `point` at the end of the step: 0 outside, 1 inside, 2 where two parts of the
     /// body overlap. Meaningless unless [`MovingSurface::is_closed`].
-    pub fn winding_number(&self, point: &Vec3) -> i32 {
+    pub(crate) fn winding_number(&self, point: &Vec3) -> i32 {
         self_crossing::winding_number(&self.triangles, &self.positions[1], &self.trees[0], point)
     }
 
     /// Where the surface crosses itself with its points at `positions`, one for each point of the body (a sample, say).
-    pub fn self_crossing(&self, positions: &[Vec3]) -> SelfCrossing {
+    pub(crate) fn self_crossing(&self, positions: &[Vec3]) -> SelfCrossing {
         let box_of =
             |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&positions[v as usize])));
         let tree = if self.trees[0].is_empty() {

@@ -51,7 +51,12 @@ pub struct Crossing {
 /// A point on the surface, or behind it by rounding, at the start counts as outside; on it at the end, as still
 /// outside: a chain of steps never loses it.
 #[inline]
-pub fn first_crossing(point: &[Vec3; 2], start: &[Vec3; 3], end: &[Vec3; 3], wanted: Crossings) -> Option<Crossing> {
+pub(crate) fn first_crossing(
+    point: &[Vec3; 2],
+    start: &[Vec3; 3],
+    end: &[Vec3; 3],
+    wanted: Crossings,
+) -> Option<Crossing> {
     let volume = Volume::new(point, start, end);
     if volume.keeps_its_sign() {
         return None;

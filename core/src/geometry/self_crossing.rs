@@ -14,14 +14,14 @@ const RAY_SLOPES: [f64; 2] = [0.127_368_942_117, 0.331_772_654_063];
 
 /// What [`find`] returns.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct SelfCrossing {
+pub(crate) struct SelfCrossing {
     /// Pairs of triangles that cross, beyond the vertex or edge they may share, ascending.
     pub pairs: Vec<[u32; 2]>,
 }
 
 impl SelfCrossing {
     /// The triangles in `pairs`, ascending, each once.
-    pub fn triangles(&self) -> Vec<u32> {
+    pub(crate) fn triangles(&self) -> Vec<u32> {
         let mut triangles: Vec<u32> = self.pairs.iter().flatten().copied().collect();
         triangles.sort_unstable();
         triangles.dedup();
@@ -32,7 +32,7 @@ impl SelfCrossing {
 /// Finds the crossings of a surface with itself; `tree` bounds its triangles at these `positions`.
 ///
 /// Sides are decided in `f64`, not exactly: triangles that merely touch may go either way.
-pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh) -> SelfCrossing {
+pub(crate) fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh) -> SelfCrossing {
     let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds_of(&t.map(|v| positions[v as usize]))).collect();
     let mut pairs = Vec::new();
     tree.self_pairs(|i, j| {
@@ -51,7 +51,7 @@ pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh) -> SelfCross
 ///
 /// Counts signed crossings of a ray. Edges are judged by products that are exact negatives of one another in the two
 /// triangles that share them, so a ray through an edge or a corner is counted once. Meaningless for an open surface.
-pub fn winding_number(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, point: &Vec3) -> i32 {
+pub(crate) fn winding_number(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, point: &Vec3) -> i32 {
     let mut winding = 0;
     let on_ray = |bounds: &Aabb| ray_meets(bounds, point);
     tree.for_each_where(on_ray, |t| winding += ray_crossing(&triangles[t as usize], positions, point));

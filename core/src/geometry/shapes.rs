@@ -119,7 +119,7 @@ impl Shape {
     }
 
     /// Signed distance of `p` \[m\], negative inside, and the outward unit gradient.
-    pub fn signed_distance(&self, p: &Vec3) -> (f64, Vec3) {
+    pub(crate) fn signed_distance(&self, p: &Vec3) -> (f64, Vec3) {
         match *self {
             Shape::HalfSpace => (p.y, Vec3::y()),
             Shape::Sphere { radius } => from_centre(p, radius, Vec3::y()),
@@ -161,7 +161,7 @@ impl Shape {
     ///
     /// The distance to a convex body is a convex function along a line, so its tangents lie below it: Newton's method
     /// from the outside never oversteps the first contact, and a tangent that no longer falls proves there is none.
-    pub fn first_entry(&self, p0: &Vec3, p1: &Vec3, offset: f64) -> Option<f64> {
+    pub(crate) fn first_entry(&self, p0: &Vec3, p1: &Vec3, offset: f64) -> Option<f64> {
         let path = p1 - p0;
         let mut at = 0.0;
         for _ in 0..ENTRY_STEPS {

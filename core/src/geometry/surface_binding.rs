@@ -82,11 +82,6 @@ impl SurfaceBinding {
         Some(Self { rest, frames, points: bound })
     }
 
-    /// Number of points of the surface.
-    pub fn surface_point_count(&self) -> usize {
-        self.rest.len()
-    }
-
     /// Distance of each bound point from the place that it is bound to [m]: it is never farther from the surface.
     pub fn distances(&self) -> impl Iterator<Item = f64> {
         self.points.iter().map(|point| point.offset.norm())

@@ -12,7 +12,7 @@ pub trait Split: Sized + Send {
 pub struct PerVertex<'a, T>(pub &'a mut [T]);
 
 /// An array with one entry per block of sums.
-pub struct PerBlock<'a, T>(pub &'a mut [T]);
+pub(crate) struct PerBlock<'a, T>(pub &'a mut [T]);
 
 /// An array with one entry per part.
 pub struct PerPart<'a, T>(pub &'a mut [T]);

@@ -11,13 +11,13 @@ use crate::parallel::ranks::Ranks;
 /// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
 /// hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Halo {
+pub(crate) struct Halo {
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Range<usize>)>,
 }
 
 /// Values on their way to the ghosts.
-pub struct InFlight<'a> {
+pub(crate) struct InFlight<'a> {
     exchange: Option<Box<dyn Exchange + 'a>>,
     receives: &'a [(usize, Range<usize>)],
     /// The rank that gets them.
@@ -27,7 +27,7 @@ pub struct InFlight<'a> {
 impl Halo {
     /// The halo for these ghosts, given by their numbers in the scene, ascending; none is this rank's own. `starts` are the
     /// first vertices of every rank in the scene, and the number of all at the end. All ranks call it together.
-    pub fn new(ranks: &Ranks, ghosts: &[u32], starts: &[u32]) -> Self {
+    pub(crate) fn new(ranks: &Ranks, ghosts: &[u32], starts: &[u32]) -> Self {
         if ranks.is_alone() {
             return Self::default();
         }
@@ -51,22 +51,22 @@ impl Halo {
     }
 
     /// Whether nothing is exchanged.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.sends.is_empty() && self.receives.is_empty()
     }
 
     /// Own vertices that some other rank has a copy of, rank by rank.
-    pub fn sends(&self) -> &[(usize, Vec<u32>)] {
+    pub(crate) fn sends(&self) -> &[(usize, Vec<u32>)] {
         &self.sends
     }
 
     /// Where the copies of other ranks' vertices stand, rank by rank.
-    pub fn receives(&self) -> &[(usize, Range<usize>)] {
+    pub(crate) fn receives(&self) -> &[(usize, Range<usize>)] {
         &self.receives
     }
 
     /// Sends own values; the ghosts get theirs when the flight is finished.
-    pub fn start<'a, T: Pod>(&'a self, ranks: &'a Ranks, values: &[T]) -> InFlight<'a> {
+    pub(crate) fn start<'a, T: Pod>(&'a self, ranks: &'a Ranks, values: &[T]) -> InFlight<'a> {
         let (receives, rank) = (self.receives.as_slice(), ranks.rank());
         if self.is_empty() {
             return InFlight { exchange: None, receives, rank };
@@ -157,14 +157,14 @@ impl Halo {
     }
 
     /// Brings the ghosts to their owners' values.
-    pub fn update<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
+    pub(crate) fn update<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
         self.start(ranks, values).finish(values);
     }
 }
 
 impl InFlight<'_> {
     /// Waits for the ghosts' values, of the type that was sent, and puts them into place.
-    pub fn finish<T: Pod>(self, values: &mut [T]) {
+    pub(crate) fn finish<T: Pod>(self, values: &mut [T]) {
         let Some(exchange) = self.exchange else { return };
         for ((_, range), bytes) in self.receives.iter().zip(exchange.finish()) {
             message::copy_rows(self.rank, "values of ghosts", &bytes, &mut values[range.clone()]);

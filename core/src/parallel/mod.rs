@@ -17,8 +17,8 @@
 
 pub mod communicator;
 pub mod for_each_part;
-pub mod ghosted_index;
-pub mod halo;
+pub(crate) mod ghosted_index;
+pub(crate) mod halo;
 pub mod local_ranks;
 pub mod message;
 pub mod parts;

@@ -13,8 +13,8 @@ use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::{ReductionTree, SUM_BLOCK};
 
 /// Largest number of vertices of a part. Small enough for rounds of Newton's method to leave out what is done
-/// (`docs/dev/decisions/0020-long-steps.md`) and for dozens of ranks to have equal shares, large enough for the springs that cross a
-/// border (and are evaluated on both sides) to be one in ten.
+/// (`docs/dev/decisions/0029-newton-rounds.md`) and for dozens of ranks to have equal shares, large enough for the springs that
+/// cross a border (and are evaluated on both sides) to be one in ten.
 pub const PART_SIZE: usize = 512;
 
 /// The parts of all garments, alike on all ranks.
@@ -173,12 +173,12 @@ impl Parts {
     }
 
     /// First vertex of every rank in the scene's numbering, and the number of all at the end.
-    pub fn rank_starts(&self) -> &[u32] {
+    pub(crate) fn rank_starts(&self) -> &[u32] {
         self.vertices.rank_starts()
     }
 
     /// The ghosts' messages.
-    pub fn halo(&self) -> &Halo {
+    pub(crate) fn halo(&self) -> &Halo {
         self.vertices.halo()
     }
 
@@ -203,37 +203,32 @@ impl Parts {
     }
 
     /// First block of sums of each own part, counted from the rank's first, and their number at the end.
-    pub fn block_starts(&self) -> &[usize] {
+    pub(crate) fn block_starts(&self) -> &[usize] {
         &self.block_starts
     }
 
     /// Number of own blocks of sums.
-    pub fn block_count(&self) -> usize {
+    pub(crate) fn block_count(&self) -> usize {
         self.block_starts[self.block_starts.len() - 1]
     }
 
     /// First block of sums of every rank, and the number of all at the end.
-    pub fn rank_block_starts(&self) -> Vec<usize> {
+    pub(crate) fn rank_block_starts(&self) -> Vec<usize> {
         self.blocks.starts().to_vec()
     }
 
     /// Joins one value for each block, of all ranks, in an order that depends on the scene alone.
-    pub fn tree_sum(&self, blocks: &[f64]) -> f64 {
+    pub(crate) fn tree_sum(&self, blocks: &[f64]) -> f64 {
         self.blocks.tree_sum(self.ranks(), blocks)
     }
 
     /// Joins one value for each block, and takes the largest of one more value of each rank, in one exchange.
-    pub fn join_with_max(&self, blocks: &[f64], value: f64) -> (f64, f64) {
+    pub(crate) fn join_with_max(&self, blocks: &[f64], value: f64) -> (f64, f64) {
         self.blocks.join_with_max(self.ranks(), blocks, value)
     }
 
-    /// Joins several sums at once.
-    pub fn join_all<const N: usize>(&self, blocks: &[&[f64]; N]) -> [f64; N] {
-        self.blocks.join_all(self.ranks(), blocks)
-    }
-
     /// Joins one value for each part, of all ranks.
-    pub fn join_parts<const N: usize>(&self, parts: &[&[f64]; N]) -> [f64; N] {
+    pub(crate) fn join_parts<const N: usize>(&self, parts: &[&[f64]; N]) -> [f64; N] {
         self.part_shares.join_all(self.ranks(), parts)
     }
 
@@ -251,7 +246,7 @@ impl Parts {
     }
 
     /// Garment of a local vertex.
-    pub fn garment_of(&self, local: usize) -> usize {
+    pub(crate) fn garment_of(&self, local: usize) -> usize {
         self.garments.partition_point(|range| range.end <= local)
     }
 

@@ -129,7 +129,7 @@ impl Ranks {
     }
 
     /// The largest of all ranks, value by value. None is NaN.
-    pub fn max_of<const N: usize>(&self, mut values: [f64; N]) -> [f64; N] {
+    pub(crate) fn max_of<const N: usize>(&self, mut values: [f64; N]) -> [f64; N] {
         if !self.is_alone() {
             self.together(N * size_of::<f64>(), |communicator| communicator.max(&mut values));
         }
@@ -137,7 +137,7 @@ impl Ranks {
     }
 
     /// The largest of all ranks, value by value; all have as many.
-    pub fn max_each(&self, mut values: Vec<f64>) -> Vec<f64> {
+    pub(crate) fn max_each(&self, mut values: Vec<f64>) -> Vec<f64> {
         if !self.is_alone() && !values.is_empty() {
             self.together(size_of_val(values.as_slice()), |communicator| communicator.max(&mut values));
         }
@@ -150,7 +150,7 @@ impl Ranks {
     }
 
     /// Sums of counts over all ranks, value by value.
-    pub fn sum_of<const N: usize>(&self, values: [u64; N]) -> [u64; N] {
+    pub(crate) fn sum_of<const N: usize>(&self, values: [u64; N]) -> [u64; N] {
         if self.is_alone() {
             return values;
         }
@@ -159,7 +159,7 @@ impl Ranks {
     }
 
     /// Sums of counts over all ranks, value by value; all have as many.
-    pub fn sum_each(&self, values: Vec<u64>) -> Vec<u64> {
+    pub(crate) fn sum_each(&self, values: Vec<u64>) -> Vec<u64> {
         if self.is_alone() {
             return values;
         }
@@ -280,7 +280,7 @@ impl Ranks {
     }
 
     /// Sends the values of one rank to rank 0, which gets them; nothing elsewhere. Only these two ranks need to call it.
-    pub fn send_to_root<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
+    pub(crate) fn send_to_root<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
         if self.rank() == from {
             self.start(vec![Message::of_rows(0, own)], &[]).finish();
         } else if self.is_first() {
@@ -291,7 +291,7 @@ impl Ranks {
     }
 
     /// Gives every rank its list; returns what each rank gave this one. A list for this rank comes back as it is.
-    pub fn all_to_all_v<T: Pod>(&self, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
+    pub(crate) fn all_to_all_v<T: Pod>(&self, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
         if self.is_alone() {
             return lists;
         }

@@ -8,10 +8,10 @@ use crate::Vec3;
 use crate::parallel::ranks::Ranks;
 
 /// Number of vertices of a block. A constant, never taken from the machine: it fixes the order of every sum.
-pub const SUM_BLOCK: usize = 512;
+pub(crate) const SUM_BLOCK: usize = 512;
 
 /// Joins block sums by halves: the tree depends on their number alone.
-pub fn tree_sum(blocks: &[f64]) -> f64 {
+pub(crate) fn tree_sum(blocks: &[f64]) -> f64 {
     match blocks {
         [] => 0.0,
         [one] => *one,
@@ -24,7 +24,7 @@ pub fn tree_sum(blocks: &[f64]) -> f64 {
 
 /// Which blocks of a sum belong to which rank.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ReductionTree {
+pub(crate) struct ReductionTree {
     /// First block of every rank, and the number of all at the end.
     starts: Vec<usize>,
     /// Largest subtrees of this rank, in order.
@@ -35,7 +35,7 @@ pub struct ReductionTree {
 
 impl ReductionTree {
     /// The shares of ranks that own runs of blocks, of which `starts` are the first ones, and the number of all.
-    pub fn new(starts: Vec<usize>, rank: usize) -> Self {
+    pub(crate) fn new(starts: Vec<usize>, rank: usize) -> Self {
         let all = starts.last().copied().unwrap_or(0);
         let subtrees = |rank: usize| {
             let mut found = Vec::new();
@@ -48,18 +48,18 @@ impl ReductionTree {
     }
 
     /// First block of every rank, and the number of all at the end.
-    pub fn starts(&self) -> &[usize] {
+    pub(crate) fn starts(&self) -> &[usize] {
         &self.starts
     }
 
     /// The sum of the blocks of all ranks, of which `blocks` are this rank's; the same as [`tree_sum`] of all together.
-    pub fn tree_sum(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
+    pub(crate) fn tree_sum(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
         let [sum] = self.join_all(ranks, &[blocks]);
         sum
     }
 
     /// Several sums at once.
-    pub fn join_all<const N: usize>(&self, ranks: &Ranks, blocks: &[&[f64]; N]) -> [f64; N] {
+    pub(crate) fn join_all<const N: usize>(&self, ranks: &Ranks, blocks: &[&[f64]; N]) -> [f64; N] {
         if ranks.is_alone() {
             return blocks.map(tree_sum);
         }
@@ -74,7 +74,7 @@ impl ReductionTree {
     }
 
     /// A sum, and the largest of one more value of every rank, in one exchange.
-    pub fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
+    pub(crate) fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
         if ranks.is_alone() {
             return (tree_sum(blocks), value);
         }
@@ -135,7 +135,7 @@ pub fn largest(blocks: &[f64]) -> f64 {
 }
 
 /// Sum of `m a·b` over a block, one running sum per axis.
-pub fn weighted_dot(m: &[f64], a: &[Vec3], b: &[Vec3]) -> f64 {
+pub(crate) fn weighted_dot(m: &[f64], a: &[Vec3], b: &[Vec3]) -> f64 {
     let mut sum = Vec3::zeros();
     for ((m, a), b) in m.iter().zip(a).zip(b) {
         sum += a.component_mul(b) * *m;

@@ -11,7 +11,7 @@ use crate::parallel::parts::PART_SIZE;
 pub struct Simd4([f64; 4]);
 
 /// One vector for each vertex of a part, on the stack of the thread that works on it.
-pub type PartSimd4 = [Simd4; PART_SIZE];
+pub(crate) type PartSimd4 = [Simd4; PART_SIZE];
 
 impl Simd4 {
     /// No length.
@@ -32,7 +32,7 @@ impl Simd4 {
 
     /// `self * factors + sum`, lane by lane, rounded once.
     #[inline(always)]
-    pub fn mul_add(self, factors: Self, sum: Self) -> Self {
+    pub(crate) fn mul_add(self, factors: Self, sum: Self) -> Self {
         let ([x, y, z, w], f, s) = (self.0, factors.0, sum.0);
         Self([x.mul_add(f[0], s[0]), y.mul_add(f[1], s[1]), z.mul_add(f[2], s[2]), w.mul_add(f[3], s[3])])
     }
@@ -52,7 +52,7 @@ impl Simd4 {
 
     /// In single precision.
     #[inline(always)]
-    pub fn narrowed(self) -> [f32; 4] {
+    pub(crate) fn narrowed(self) -> [f32; 4] {
         let [x, y, z, w] = self.0;
         [x as f32, y as f32, z as f32, w as f32]
     }
@@ -66,7 +66,7 @@ impl Simd4 {
 
     /// (z, x, y).
     #[inline(always)]
-    pub fn turned_back(self) -> Self {
+    pub(crate) fn turned_back(self) -> Self {
         let [x, y, z, w] = self.0;
         Self([z, x, y, w])
     }
@@ -79,7 +79,7 @@ impl Simd4 {
 
     /// Of numbers in single precision; the fourth is taken as it is.
     #[inline(always)]
-    pub fn widened(values: &[f32; 4]) -> Self {
+    pub(crate) fn widened(values: &[f32; 4]) -> Self {
         let [x, y, z, w] = *values;
         Self([f64::from(x), f64::from(y), f64::from(z), f64::from(w)])
     }

@@ -9,20 +9,22 @@ mod body;
 pub(crate) mod described;
 mod garment;
 pub mod gather;
+mod integrator;
 pub mod names;
 pub(crate) mod origin;
 mod pin;
 mod seam;
-pub mod seam_pairs;
+pub(crate) mod seam_pairs;
 mod solver;
 pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
 pub use described::Described;
+pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKey};
 pub use origin::{FARTHEST, coarse_place, is_possible};
 pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
 pub use seam::SeamDescription;
-pub use solver::{BodyFriction, Integrator, PRESET, PRESETS, SolverPreset, SolverSettings};
+pub use solver::{PRESET, PRESETS, SolverPreset, SolverSettings};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -238,7 +240,7 @@ impl SceneDescription {
 }
 
 /// Thickness of a garment that does not say it [m]: a shirt's.
-pub const DEFAULT_THICKNESS: f64 = 0.0005;
+pub(crate) const DEFAULT_THICKNESS: f64 = 0.0005;
 
 /// Largest thickness that a scene may write [m].
 pub const LARGEST_THICKNESS: f64 = 1e3;

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn the_origin_is_that_of_the_world_up_to_a_kilometre_and_the_middle_in_whole_metres_beyond_on_any_ranks() {
+    fn the_origin_is_that_of_the_world_up_to_a_kilometre_and_beyond_the_middle_in_whole_metres() {
         let far = Vec3::new(1e5 + 0.3, -3e4, 20.4);
         let cases = [
             (vec![square("a", Vec3::new(999.0, -999.0, 0.0))], Vec3::zeros()),

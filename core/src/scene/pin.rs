@@ -24,7 +24,7 @@ pub struct PinDescription {
 
 impl PinDescription {
     /// Whether its vertices are where their targets are, and not on springs.
-    pub fn is_hard(&self) -> bool {
+    pub(crate) fn is_hard(&self) -> bool {
         self.hold == PinHold::Hard
     }
 }

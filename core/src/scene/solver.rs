@@ -1,7 +1,8 @@
 //! Settings of the time integration.
 
+use crate::scene::Integrator;
 use crate::scene::described::described;
-use crate::settings::{self, Dimension, Field, Member, Word, Written, choice, written};
+use crate::settings::{self, Dimension, Field, Member, Word, Written, written};
 use crate::tolerances::PREVIEW_TOLERANCE;
 
 /// Settings of the time integration (`docs/theory/step.md`): the table `[solver]`, whose rows are below.
@@ -13,8 +14,9 @@ pub struct SolverSettings {
     pub max_dt: Option<f64>,
     /// A step that would have to be shorter than this ends the run with an error [s].
     pub min_dt: f64,
-    /// Largest relative change of an edge's length in one step, of short ones ([`SolverSettings::largest_strain_per_step`]).
-    pub strain_per_step: f64,
+    /// Largest relative change of an edge's length in one step; `None` takes
+    /// [`IntegratorSpec::strain_per_step`](crate::scene::IntegratorSpec::strain_per_step).
+    pub strain_per_step: Option<f64>,
     /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
     /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter
     /// (`docs/theory/step.md#the-damping-solve`).
@@ -25,8 +27,6 @@ pub struct SolverSettings {
     pub integrator: Integrator,
     /// Time steps of a frame where the integrator is [`Integrator::TrBdf2`], before anything asks for shorter ones.
     pub steps_per_frame: usize,
-    /// Where in a step friction with bodies acts.
-    pub body_friction: BodyFriction,
 }
 
 described! { all of SolverSettings {
@@ -36,8 +36,8 @@ described! { all of SolverSettings {
         "largest time step; \"auto\" leaves it to cfl and strain_per_step";
     min_dt => Time, default Number(1e-9), range (1e-15, 1.0),
         "smallest time step; a run that needs a shorter one ends";
-    strain_per_step => None, default Number(0.1), range (1e-7, 1e9),
-        "largest change of strain of an edge in one time step; five times as much with `tr_bdf2`";
+    strain_per_step => None, default Auto, range (1e-7, 1e9),
+        "largest change of strain of an edge in one time step; \"auto\" takes 0.1, and 0.5 with `tr_bdf2`";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
         "residual at which the damping solve stops; \"auto\" takes the smaller of 1 cm/s and a tenth of what gravity adds in one step";
     cg_max_iterations => None, default Count(200), range (1.0, 1e6),
@@ -46,42 +46,12 @@ described! { all of SolverSettings {
         "how elastic forces enter a time step";
     steps_per_frame => None, default Count(8), range (1.0, 1e4),
         "time steps of a frame with `tr_bdf2`; contact and fast strain may shorten them";
-    body_friction => None, default Choice("whole_step", BodyFriction::WORDS), range (0.0, 0.0),
-        "where in a time step friction with bodies acts; for comparison only";
 } }
-
-/// How many times as much an edge may change its length in a long step: it is shortened for motion that it could not follow, not for its
-/// stability.
-const STRAIN_OF_LONG_STEPS: f64 = 5.0;
 
 impl SolverSettings {
     /// Largest relative change of an edge's length in one step.
     pub fn largest_strain_per_step(&self) -> f64 {
-        let times = if self.integrator == Integrator::TrBdf2 { STRAIN_OF_LONG_STEPS } else { 1.0 };
-        times * self.strain_per_step
-    }
-}
-
-choice! {
-    /// How elastic forces enter the two solves of a step; see `docs/theory/variants.md`.
-    pub enum Integrator {
-        /// The paper's step: explicit, with implicit damping. Of second order; elastic forces limit the time step.
-        SemiImplicit = "semi_implicit",
-        // `docs/theory/tr_bdf2.md`.
-        /// Long steps: all that resists motion is implicit, so that stiffness does not limit the time step. Of second order,
-        /// and stiff motion dies out.
-        TrBdf2 = "tr_bdf2",
-    }
-}
-
-choice! {
-    /// Where in a time step friction between cloth and bodies acts; see `docs/theory/variants.md`.
-    pub enum BodyFriction {
-        // `docs/theory/friction.md#why-it-is-accurate`: in B.4, and in B.7 on the final velocities with the load of the whole step.
-        /// In the position half and on the velocities of the end: the paper's, which is exact.
-        WholeStep = "whole_step",
-        /// In the position half alone: it loses the friction of resting contact.
-        PositionHalf = "position_half",
+        self.strain_per_step.unwrap_or(self.integrator.spec().strain_per_step)
     }
 }
 
@@ -116,7 +86,7 @@ impl SolverPreset {
 }
 
 // Steps decide the error and the time. Solves stop where what they leave is
-// small beside the error of the steps (`docs/dev/decisions/0020-long-steps.md#presets`).
+// small beside the error of the steps (`docs/dev/decisions/0031-presets.md`).
 /// The presets, the fastest first.
 pub const PRESETS: [SolverPreset; 3] = [
     SolverPreset {

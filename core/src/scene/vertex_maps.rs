@@ -42,7 +42,7 @@ impl Scene {
 
     /// What turns a quantity of all garments into that of each local vertex: it is multiplied by the first number, and the second
     /// is added. `None` if no garment has it painted.
-    pub fn painted_everywhere(&self, of: &str) -> Option<Vec<[f64; 2]>> {
+    pub(crate) fn painted_everywhere(&self, of: &str) -> Option<Vec<[f64; 2]>> {
         if self.painted.iter().all(|maps| !maps.contains_key(of)) {
             return None;
         }

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn pinned_neighbours_that_are_torn_apart_are_known_beforehand_and_named_and_counted_by_any_ranks() {
+    fn pinned_neighbours_that_are_torn_apart_are_known_named_and_counted_by_any_ranks() {
         let description = parted(0.0);
         let ahead = start(&Ranks::default(), &description);
         let known: Vec<_> = (1..4).map(|frame| ahead.strain_between_pins_at(&plates(frame))).collect();

@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::contact::bodies::collision;
 use crate::contact::self_contact;
 use crate::error::Problems;
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
@@ -61,11 +61,8 @@ impl Simulation {
             .with("calm", Field::Count(self.retry.saved()[1]))
             .with("positions", of_own(&self.cloth.state.x))
             .with("velocities", of_own(&self.cloth.state.v));
-        // Only the implicit step foresees with accelerations.
-        let state = match self.variants.integrator {
-            Integrator::SemiImplicit => state,
-            Integrator::TrBdf2 => state.with("accelerations", of_own(&self.cloth.state.a)),
-        };
+        let keeps_acceleration = self.scene.description().solver.integrator.spec().keeps_acceleration;
+        let state = if keeps_acceleration { state.with("accelerations", of_own(&self.cloth.state.a)) } else { state };
         let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save());
         let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.save());
         let contact = self.contacts.cloth.as_ref().map(|contact| contact.save());
@@ -136,7 +133,7 @@ impl Simulation {
                 vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().update(parts.ranks(), vectors);
             }
-            if scene.description().solver.integrator == Integrator::TrBdf2 {
+            if scene.description().solver.integrator.spec().keeps_acceleration {
                 state.a[parts.own()].copy_from_slice(section.vectors("accelerations"));
                 parts.halo().update(parts.ranks(), &mut state.a);
             }

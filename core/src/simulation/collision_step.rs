@@ -98,11 +98,8 @@ impl Simulation {
         Ok(steps)
     }
 
-    /// C, unless a variant has it within the steps; returns how it ended.
+    /// C; returns how it ended.
     fn resolve_collisions(&mut self, steps: &TimeSteps) -> Ending {
-        if self.variants.collides_after_position {
-            return Ending::Resolved;
-        }
         let ending = self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1);
         self.show("C");
         ending
@@ -114,11 +111,7 @@ impl Simulation {
         let Some(contact) = &contacts.cloth else { return Ending::Resolved };
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
-        let repels = contact.repels_per_collision_step();
-        let mut end = CollisionEnd { x, v, duration, may_rewind, checks_all: retry.is_retrying() };
-        if repels {
-            metrics.stage("C self-repulsion", |m| contacts.repel_once(&mut end, m));
-        }
+        let end = CollisionEnd { x, v, duration, may_rewind, checks_all: retry.is_retrying() };
         metrics.stage(stage, |m| contacts.resolve_collisions(end, &prescribed.bodies, scene.parts(), m))
     }
 
@@ -212,8 +205,7 @@ impl Simulation {
                 mean_edge: scene.mean_edge(),
                 stop,
                 held: self.retry.held().or(scene.isolated()),
-                is_retry: self.retry.is_retrying(),
-                variants: self.variants,
+                integrator: settings.integrator,
             },
             report: StepReport::default(),
         };

@@ -10,7 +10,6 @@ use crate::effects::spec::NANOSECONDS;
 use crate::error::Problems;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
-use crate::scene::Integrator;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;
@@ -46,7 +45,7 @@ impl Simulation {
         let frame = description.timeline.frame_duration();
         let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
         let longest = self.limit.longest(&description.solver, 1.0);
-        let is_long = description.solver.integrator == Integrator::TrBdf2;
+        let is_long = description.solver.integrator.spec().is_implicit;
         let stiffest = self.plan.iter().min_by(|a, b| a.longest_step.total_cmp(&b.longest_step));
         let because = match stiffest {
             _ if max_dt <= longest => PlannedSteps::MAX_DT.to_owned(),

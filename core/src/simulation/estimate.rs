@@ -120,7 +120,7 @@ impl Simulation {
         let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
         let in_contact = has(Need::Bodies) || (repels && (description.garments.len() > 1 || is_blown));
         let steps = self.planned_steps().steps;
-        let is_long = description.solver.integrator == Integrator::TrBdf2;
+        let is_long = description.solver.integrator.spec().is_implicit;
         let counts = if is_long { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
         let [solves, iterations] = counts;
         let speed = self.cloth.state.v.iter().map(|v| v.norm()).fold(SPEED, f64::max);

@@ -16,11 +16,11 @@ use crate::observe::Observer;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays, Variants};
+use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays};
 use crate::time_step::StepLimit;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
@@ -30,11 +30,12 @@ mod checkpoint;
 mod collision_step;
 mod cost;
 mod estimate;
-pub mod frame_io;
+pub(crate) mod frame_io;
 mod frame_summary;
 mod load_balance;
 mod lowered_thickness;
 mod overstretched;
+mod pins_in_bodies;
 #[cfg(test)]
 mod planted_errors;
 mod recovery;
@@ -49,6 +50,7 @@ use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
 pub use overstretched::Overstretched;
+pub use pins_in_bodies::PinInBody;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
@@ -200,7 +202,6 @@ pub struct Simulation {
     dynamics: Dynamics,
     prescribed: Prescribed,
     contacts: Contacts,
-    variants: Variants,
     limit: StepLimit,
     /// Section with what has yielded in the cloth, where it can.
     yields: Option<SectionId>,
@@ -304,9 +305,8 @@ impl Simulation {
         }
         let lowered = repulsion.map_or_else(Vec::new, |(_, clamp)| lowered_thickness(&scene, clamp, &mut plan));
         let contacts = Contacts { bodies: collision, cloth: self_contact };
-        let variants = Variants::of(solver.integrator, solver.body_friction, &contacts);
-        let with_v_star = contacts.bodies.is_some() || variants.collides_after_position;
-        let stages = (solver.integrator == Integrator::TrBdf2).then(|| StageArrays::new(parts, &mut forces));
+        let with_v_star = contacts.bodies.is_some();
+        let stages = solver.integrator.spec().is_implicit.then(|| StageArrays::new(parts, &mut forces));
         let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
@@ -316,7 +316,6 @@ impl Simulation {
             dynamics: Dynamics { forces, reaches_ghosts, filters, volumes, wind },
             prescribed: Prescribed { bodies, tracks, pins, targets, mobility },
             contacts,
-            variants,
             limit,
             yields,
             metrics: Metrics::default(),

@@ -19,9 +19,9 @@ use crate::Vec3;
 use crate::contact::collisions::collision_loop::Strategy;
 use crate::contact::self_contact::Ending;
 use crate::error::StepError;
+use crate::long_steps::LARGEST_CORRECTION;
 use crate::parallel::message::codec;
 use crate::parallel::parts::Parts;
-use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{Cloth, Dynamics, StepReport};
@@ -38,10 +38,6 @@ const HALVINGS_FOR_BLOWS: u32 = 4;
 /// The same where a solve has not converged: more iterations help sooner, and a tolerance that is out of reach may not cost 64 times
 /// the steps.
 const HALVINGS_FOR_SHORT_SOLVES: u32 = 2;
-
-/// Farthest that collisions may move a vertex in a long step, over the edges around it: the velocities of a step that ended so far
-/// elsewhere do not go with its positions, and throw what lies on the vertex.
-const LARGEST_CORRECTION: f64 = 0.05;
 
 /// Attempts in which vertices keep their positions; in the last all do.
 const HELD_ATTEMPTS: u32 = 4;
@@ -302,7 +298,7 @@ impl Simulation {
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
     fn was_struck(&self) -> bool {
-        let is_long = self.scene.description().solver.integrator == Integrator::TrBdf2;
+        let is_long = self.scene.description().solver.integrator.spec().is_implicit;
         let contact = self.contacts.cloth.as_ref().filter(|contact| is_long && contact.keeps_free());
         contact.is_some_and(|contact| self.ranks().any(contact.largest_correction().0 > LARGEST_CORRECTION))
     }

@@ -1,5 +1,6 @@
 //! What has to hold before a simulation starts.
 
+use crate::Vec3;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::error::{Problem, Problems};
 use crate::parallel::problems::agree;
@@ -37,6 +38,21 @@ pub(super) fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samp
     agree(scene.parts().ranks(), problems).map(|()| tracks)
 }
 
+/// Depth up to which the distance from a body's surface is looked for [m].
+fn depth_reach(scene: &Scene) -> f64 {
+    scene.mean_edge() * 10.0
+}
+
+/// Depth of `x` [m] below the surface of a body, at most [`depth_reach`] [m]; `None` outside of it. A point in the overlap of a body
+/// that crosses itself is inside as soon as its nearest surface says so.
+pub(super) fn depth_inside(scene: &Scene, bodies: &Bodies, body: usize, x: &Vec3) -> Option<f64> {
+    let reach = depth_reach(scene);
+    match bodies.closest(body, x, x, reach, None) {
+        Some(at) => (at.phi < 0.0).then_some(-at.phi),
+        None => bodies.contains(body, x).then_some(reach),
+    }
+}
+
 /// Refuses garments whose free vertices start inside a body; names the deepest of each.
 pub(super) fn start_outside(
     scene: &Scene,
@@ -51,35 +67,27 @@ pub(super) fn start_outside(
     let mut problems = Vec::new();
     for (g, garment) in description.garments.iter().enumerate() {
         for (b, body) in description.bodies.iter().enumerate() {
-            let reach = scene.mean_edge() * 10.0;
-            let depth = |vertex: usize| {
-                // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
-                let x = &state.x[vertex];
-                // Beyond the reach nothing is known but whether it is inside.
-                let deep = || if bodies.contains(b, x) { -reach } else { f64::INFINITY };
-                bodies.closest(b, x, x, reach, None).map_or_else(deep, |at| at.phi)
-            };
             let inside: Vec<(f64, usize)> = scene
                 .parts()
                 .own_of_garment(g)
                 .filter(|vertex| !held[*vertex])
-                .map(|vertex| (depth(vertex), vertex))
-                .filter(|(phi, _)| *phi < 0.0)
+                .filter_map(|vertex| Some((depth_inside(scene, bodies, b, &state.x[vertex])?, vertex)))
                 .collect();
-            let deepest = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
-            let deepest = deepest.map(|(phi, vertex)| (phi, scene.parts().own_vertex(vertex).1));
+            // Among equal depths the first vertex.
+            let deepest = inside.iter().copied().min_by(|a, b| b.0.total_cmp(&a.0));
+            let deepest = deepest.map(|(depth, vertex)| (depth, scene.parts().own_vertex(vertex).1));
             let ranks = scene.parts().ranks();
             let [count] = ranks.sum_of([inside.len() as u64]);
             let all = ranks.all_gather_encoded("deepest vertices", deepest.into_iter().collect());
-            let Some((deepest, own)) = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            let Some((deepest, own)) = all.into_iter().min_by(|a, b| b.0.total_cmp(&a.0)) else { continue };
             let is_surface = matches!(body.shape, BodyShape::Surface { .. });
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),
                 format!(
                     "{count} of its vertices start inside body \"{}\"; this one is deepest, {}{:.2} mm",
                     body.name,
-                    if deepest == -reach { "more than " } else { "" },
-                    -1e3 * deepest
+                    if deepest == depth_reach(scene) { "more than " } else { "" },
+                    1e3 * deepest
                 ),
                 if is_surface {
                     "move the garment off the body at the start frame, or start from a draped pose; if everything is \

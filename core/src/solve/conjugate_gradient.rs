@@ -99,7 +99,7 @@ impl ConjugateGradient {
     }
 
     /// Own vertices at which the last solve has left more than its tolerance, by their numbers in the scene.
-    pub fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
+    pub(crate) fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
         let left = parts.own().zip(&self.r).filter(|(_, r)| r.norm() > stop.tolerance);
         left.map(|(vertex, _)| parts.number(vertex)).collect()
     }

@@ -10,7 +10,7 @@ use crate::solve::implicit_velocity::PartForces;
 
 /// Where forces are evaluated.
 #[derive(Clone, Copy)]
-pub struct ForceEvaluation<'a> {
+pub(crate) struct ForceEvaluation<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
@@ -29,7 +29,7 @@ pub struct ForceEvaluation<'a> {
 
 impl ForceEvaluation<'_> {
     /// The forces on own vertices [N]: those that depend on positions and those that depend on velocities.
-    pub fn forces(&self, forces: &mut PartForces, f: &mut [Vec3]) {
+    pub(crate) fn forces(&self, forces: &mut PartForces, f: &mut [Vec3]) {
         self.parts.for_each((PerVertex(f), PerPart(forces)), &|part, (f, forces)| {
             if self.solved[part] {
                 self.of_part(part, &mut forces.0[0], f.0, None);
@@ -38,7 +38,13 @@ impl ForceEvaluation<'_> {
     }
 
     /// The same, and the matrix `M + damping · D + stiffness · K` there.
-    pub fn linearise(&self, forces: &mut PartForces, f: &mut [Vec3], factors: BlockFactors, matrix: &mut BlockMatrix) {
+    pub(crate) fn linearise(
+        &self,
+        forces: &mut PartForces,
+        f: &mut [Vec3],
+        factors: BlockFactors,
+        matrix: &mut BlockMatrix,
+    ) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
             if self.solved[part] {

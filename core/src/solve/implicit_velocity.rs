@@ -137,7 +137,7 @@ impl VelocityProblem<'_> {
     ///
     /// In a part without a constrained contact there is nothing to undo: the solution is what the formula gives, to the
     /// tolerance of the solve.
-    pub fn undo_projection(
+    pub(crate) fn undo_projection(
         &self,
         contacts: &BodyCollision,
         forces: &PartForces,

@@ -41,7 +41,7 @@ struct Incidence {
 
 /// The terms of a rank's own vertices.
 #[derive(Debug, Default)]
-pub struct PairTerms {
+pub(crate) struct PairTerms {
     terms: Vec<PairTerm>,
     /// By vertex, and of each by pair.
     incidences: Vec<Incidence>,

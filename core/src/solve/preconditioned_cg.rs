@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
+use crate::long_steps::FORCING;
 use crate::parallel::for_each_part::{PerBlock, PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::{SUM_BLOCK, largest};
@@ -24,7 +25,7 @@ use crate::solve::pair_terms::PairTerms;
 /// How far the solves of Newton's method go: errors that the next step makes anyway are not worth iterations (S. C. Eisenstat,
 /// H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17, 1996, choice 2).
 #[derive(Debug)]
-pub struct Forcing {
+pub(crate) struct Forcing {
     /// Squared norm of the error with which the solve before began [J].
     before: Option<f64>,
     /// Changes of velocities up to here are linear enough for a solve to go to its end [m/s].
@@ -32,18 +33,15 @@ pub struct Forcing {
 }
 
 impl Forcing {
-    /// Most of an error that a solve leaves.
-    const MOST: f64 = 0.1;
-
     /// For solves of which those that change no velocity by more than this [m/s] go to their end.
-    pub fn new(far: f64) -> Self {
+    pub(crate) fn new(far: f64) -> Self {
         Self { before: None, far }
     }
 
     /// Of the squared norm of the error, in the norm of the preconditioner, what this solve may leave. Where the steps before have
     /// shown that forces are nearly linear it is small.
     fn share(&mut self, error: f64) -> f64 {
-        let left = self.before.replace(error).map_or(Self::MOST, |before| Self::MOST.min(0.9 * error / before));
+        let left = self.before.replace(error).map_or(FORCING, |before| FORCING.min(0.9 * error / before));
         left * left
     }
 }
@@ -116,7 +114,7 @@ impl PreconditionedCg {
     }
 
     /// The same on the finest level alone, in the parts that are solved.
-    pub fn prepare_finest(&mut self, system: &BlockSystem<'_, impl Projection>) {
+    pub(crate) fn prepare_finest(&mut self, system: &BlockSystem<'_, impl Projection>) {
         let (parts, pairs) = (system.parts, &self.pairs);
         self.constraints.update(system);
         parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
@@ -130,7 +128,7 @@ impl PreconditionedCg {
     }
 
     /// Own vertices at which the last solve has left more than its tolerance, by their numbers in the scene.
-    pub fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
+    pub(crate) fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
         let nodal = self.r.iter().zip(&self.inverse_masses).map(|(r, inverse_mass)| *r * *inverse_mass);
         let is_left = |r: &Simd4| r.dot(*r).sqrt() > stop.tolerance;
         let left = parts.own().zip(nodal).filter(|(_, r)| is_left(r));
@@ -150,7 +148,7 @@ impl PreconditionedCg {
     }
 
     /// The same as a step of Newton's method, as far as `forcing` says.
-    pub fn newton_step(
+    pub(crate) fn newton_step(
         &mut self,
         system: &BlockSystem<'_, impl Projection>,
         b: &[Vec3],

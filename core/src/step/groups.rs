@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
+use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
@@ -12,16 +13,15 @@ use crate::observe::Quantity;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
-use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::stage_arrays::StageArrays;
+use crate::step::tr_bdf2::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
 /// The cloth of a rank.
-pub struct Cloth {
+pub(crate) struct Cloth {
     /// Positions and velocities of the local vertices; ghosts are those of their owners before and after a step.
     pub state: State,
     /// Arrays that a step writes and the next one overwrites.
@@ -46,7 +46,7 @@ impl Cloth {
 }
 
 /// What acts on the cloth.
-pub struct Dynamics {
+pub(crate) struct Dynamics {
     /// Forces of every part.
     pub forces: PartForces,
     /// Which own parts need vertices of other ranks.
@@ -60,7 +60,7 @@ pub struct Dynamics {
 }
 
 /// Whose motion is given.
-pub struct Prescribed {
+pub(crate) struct Prescribed {
     /// The bodies.
     pub bodies: Bodies,
     /// Animated positions that pins follow.
@@ -85,7 +85,7 @@ impl Prescribed {
 }
 
 /// What the cloth touches.
-pub struct Contacts {
+pub(crate) struct Contacts {
     /// Bodies, if the scene has any.
     pub bodies: Option<BodyCollision>,
     /// Cloth, if the scene asks for it.
@@ -93,7 +93,7 @@ pub struct Contacts {
 }
 
 /// The end of a collision step, from which C goes back to its start or on.
-pub struct CollisionEnd<'a> {
+pub(crate) struct CollisionEnd<'a> {
     /// Positions of the local vertices [m].
     pub x: &'a mut [Vec3],
     /// Velocities of the local vertices [m/s].
@@ -107,14 +107,6 @@ pub struct CollisionEnd<'a> {
 }
 
 impl Contacts {
-    /// Self-repulsion once for a whole collision step, where a variant has it there.
-    pub(crate) fn repel_once(&mut self, end: &mut CollisionEnd, metrics: &mut Metrics) {
-        let Self { bodies, cloth: Some(contact) } = self else { return };
-        if contact.repels_per_collision_step() {
-            contact.repel_once((end.x, end.v), end.duration, metrics, |vertex, by| note_moved(bodies, vertex, by));
-        }
-    }
-
     /// C; ghosts are those of their owners afterwards.
     pub(crate) fn resolve_collisions(
         &mut self,
@@ -141,53 +133,12 @@ fn note_moved(bodies: &mut Option<BodyCollision>, vertex: usize, by: f64) {
     }
 }
 
-/// Where self-repulsion acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RepulsionPlace {
-    /// By impulses in B.2 and B.8, as in the paper.
-    Impulses,
-    /// By forces in B.1 and B.5, the solves of a long step.
-    Solves,
-    /// In no line of the step: nowhere, or once per collision step.
-    Elsewhere,
-}
-
-/// Variants of the method, to compare with (`docs/theory/variants.md`): chosen once for a simulation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Variants {
-    /// How elastic forces enter both solves.
-    pub integrator: Integrator,
-    /// Where in the step friction with bodies acts.
-    pub body_friction: BodyFriction,
-    /// Where self-repulsion acts, if it acts at all.
-    pub self_repulsion: RepulsionPlace,
-    /// Whether C comes after the position half of every step, as in the authors' later code, and not after K steps.
-    pub collides_after_position: bool,
-}
-
-impl Variants {
-    /// The variants of a scene with these settings and contacts.
-    pub fn of(integrator: Integrator, body_friction: BodyFriction, contacts: &Contacts) -> Self {
-        let cloth = contacts.cloth.as_ref();
-        Self {
-            integrator,
-            body_friction,
-            self_repulsion: match (cloth.is_some_and(SelfContact::repels), integrator) {
-                (false, _) => RepulsionPlace::Elsewhere,
-                (true, Integrator::TrBdf2) => RepulsionPlace::Solves,
-                (true, Integrator::SemiImplicit) => RepulsionPlace::Impulses,
-            },
-            collides_after_position: cloth.is_some_and(SelfContact::collides_after_position),
-        }
-    }
-}
-
 /// Vertices that one task of a plain vector update works on.
 pub(super) const CHUNK: usize = 4096;
 
 /// Arrays that a step writes and the next one overwrites; never saved.
 #[derive(Debug)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     /// v½ [m/s].
     pub(super) v_half: Vec<Vec3>,
     /// v* [m/s]; empty where nothing between B.3 and B.5 changes velocities, so that it is v.
@@ -201,14 +152,16 @@ pub struct Scratch {
     /// Velocities that forces see in B.5 [m/s]; empty if none looks.
     pub(super) v_seen: Vec<Vec3>,
     pub(super) cg: ConjugateGradient,
-    /// What the stages of the implicit step work with, where it is the integrator.
+    /// Arrays of the stages of the implicit step, where it is the integrator.
     pub(super) stages: Option<Box<StageArrays>>,
+    /// Vertices that rest on bodies in these stages.
+    pub(super) active: ActiveSet,
 }
 
 impl Scratch {
     /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
     /// look at velocities, `stages` where the integrator is the implicit one.
-    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
+    pub(crate) fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
         let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
         let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
@@ -221,6 +174,7 @@ impl Scratch {
             v_seen,
             cg: ConjugateGradient::new(parts),
             stages: stages.map(Box::new),
+            active: ActiveSet::default(),
         }
     }
 
@@ -234,10 +188,11 @@ impl Scratch {
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
             + self.cg.bytes()
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())
+            + self.active.bytes()
     }
 
     /// B.3: x' = x + dt · v½, and v* = v.

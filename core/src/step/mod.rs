@@ -16,33 +16,27 @@
 //! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
 
 mod groups;
-mod prescription;
-mod stage_arrays;
+mod semi_implicit;
 mod tr_bdf2;
-mod unconverged;
 
-pub use stage_arrays::StageArrays;
+pub(crate) use tr_bdf2::StageArrays;
 
-pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, RepulsionPlace, Scratch, Variants};
+pub(crate) use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
 
 use crate::Vec3;
-use crate::clock::Watch;
-use crate::contact::bodies::collision::{BodyCollision, CollisionStep};
+use crate::contact::bodies::collision::CollisionStep;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
-use crate::effects::force::{FilterStep, ForceContext, Purpose};
+use crate::effects::force::{FilterStep, Purpose};
 use crate::metrics::Metrics;
 use crate::observe::{Observer, Place};
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::BEHIND as PINS_BEHIND;
-use crate::scene::{BodyFriction, Integrator, Scene};
+use crate::scene::{Integrator, RepulsionPlace, Scene};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
-use crate::solve::implicit_velocity::VelocityProblem;
-use crate::volumes::Volumes;
-use crate::wind_grid::WindGrid;
 
 /// A step: what it works with, and how.
-pub struct Step<'a> {
+pub(crate) struct Step<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
@@ -67,7 +61,7 @@ pub struct Step<'a> {
 
 /// How a step is made.
 #[derive(Debug, Clone, Copy)]
-pub struct StepSettings<'a> {
+pub(crate) struct StepSettings<'a> {
     /// Its length [s].
     pub dt: f64,
     /// How far vertices that are behind their pins, or too deep in bodies, are put right.
@@ -78,15 +72,13 @@ pub struct StepSettings<'a> {
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
     pub held: Option<&'a [u32]>,
-    /// Whether it is made again after something went wrong.
-    pub is_retry: bool,
-    /// Variants of the method.
-    pub variants: Variants,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
 }
 
 /// What a step reports.
 #[derive(Debug, Clone, Default)]
-pub struct StepReport {
+pub(crate) struct StepReport {
     /// Iterations of both solves.
     pub cg_iterations: usize,
     /// Line at which a number stopped being finite; the rest of the step was not made.
@@ -102,7 +94,7 @@ pub struct StepReport {
 }
 
 /// A line of the listing: its label in the paper, and what it does to a step.
-pub type Line<'a> = (&'static str, fn(&mut Step<'a>));
+pub(crate) type Line<'a> = (&'static str, fn(&mut Step<'a>));
 
 /// Which vertices B.7 concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,53 +102,6 @@ enum ContactSubset {
     ByAnything,
     /// Those alone that B.8 has pressed against bodies.
     ByRepulsion,
-}
-
-/// What both solves of a step have in common.
-#[derive(Clone, Copy)]
-struct Solves<'a> {
-    parts: &'a Parts,
-    masses: &'a [f64],
-    settings: StepSettings<'a>,
-    /// Start of the step [s].
-    time: f64,
-}
-
-/// When and where forces are evaluated in a solve, and what they see there.
-struct Evaluation<'a> {
-    /// As a fraction of the step.
-    fraction: f64,
-    /// Positions and velocities of the local vertices [m], [m/s].
-    x: &'a [Vec3],
-    v: &'a [Vec3],
-    prescribed: &'a Prescribed,
-    volumes: &'a Volumes,
-    wind: &'a WindGrid,
-    reaches_ghosts: &'a [bool],
-    contacts: Option<&'a BodyCollision>,
-}
-
-impl<'a> Solves<'a> {
-    fn at<'b>(&self, at: Evaluation<'b>) -> VelocityProblem<'b>
-    where
-        'a: 'b,
-    {
-        let Evaluation { fraction, x, v, prescribed, volumes, wind, reaches_ghosts, contacts } = at;
-        let StepSettings { dt, stop, held, .. } = self.settings;
-        VelocityProblem {
-            parts: self.parts,
-            masses: self.masses,
-            around: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
-            pins: prescribed.pins.as_ref(),
-            contacts,
-            half_step: 0.5 * dt,
-            x,
-            fraction,
-            reaches_ghosts,
-            stop,
-            held: held.unwrap_or_default(),
-        }
-    }
 }
 
 impl StepReport {
@@ -183,41 +128,8 @@ impl StepReport {
 }
 
 impl<'a> Step<'a> {
-    /// The step as in the paper: a line, and what it does. What only a variant of the method does says so in its name.
-    pub const LISTING: [Line<'a>; 12] = [
-        ("B.1", Self::half_velocity),
-        ("B.2", Self::repel_half_velocity),
-        ("B.2", Self::limit_half_strain),
-        ("B.3", Self::positions),
-        ("B.4", Self::collide_with_bodies),
-        ("C", Self::collide_after_position_variant),
-        ("B.5", Self::middle_velocity),
-        ("B.6", Self::extrapolate),
-        ("B.7", Self::rub_on_bodies),
-        ("B.8", Self::repel_final_velocity),
-        ("B.8", Self::limit_final_strain),
-        ("end", Self::end),
-    ];
-
-    /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
-    pub const IMPLICIT_LISTING: [Line<'a>; 13] = [
-        ("B.1", Self::implicit_half_velocity),
-        ("B.2", Self::repel_half_velocity),
-        ("B.2", Self::limit_half_strain),
-        ("B.3", Self::positions),
-        ("B.4", Self::collide_with_bodies),
-        ("C", Self::collide_after_position_variant),
-        ("B.5", Self::implicit_end_velocity),
-        ("B.6", Self::take_end),
-        ("B.7", Self::rub_on_bodies),
-        ("B.8", Self::repel_final_velocity),
-        ("B.8", Self::limit_final_strain),
-        ("end", Self::keep_acceleration),
-        ("end", Self::end),
-    ];
-
     /// The lines of a step with this integrator.
-    pub fn listing(integrator: Integrator) -> &'a [Line<'a>] {
+    pub(crate) fn listing(integrator: Integrator) -> &'a [Line<'a>] {
         match integrator {
             Integrator::TrBdf2 => &Self::IMPLICIT_LISTING,
             Integrator::SemiImplicit => &Self::LISTING,
@@ -225,9 +137,9 @@ impl<'a> Step<'a> {
     }
 
     /// Makes the step: the state goes on by its length.
-    pub fn advance(mut self) -> StepReport {
+    pub(crate) fn advance(mut self) -> StepReport {
         self.prescribe();
-        for (at, (_, line)) in Self::listing(self.settings.variants.integrator).iter().enumerate() {
+        for (at, (_, line)) in Self::listing(self.settings.integrator).iter().enumerate() {
             line(&mut self);
             if self.observer.is_some() {
                 self.show(at);
@@ -241,19 +153,14 @@ impl<'a> Step<'a> {
 
     /// Shows what there is after a line, the last of its label.
     fn show(&mut self, at: usize) {
-        let (lines, is_variant) =
-            (Self::listing(self.settings.variants.integrator), self.settings.variants.collides_after_position);
+        let lines = Self::listing(self.settings.integrator);
         let line = lines[at].0;
         let continues = lines.get(at + 1).is_some_and(|(next, _)| *next == line);
         let Some((observer, scene)) = &mut self.observer else { return };
-        if !continues && (line != "C" || is_variant) {
+        if !continues {
             let place = Place { line, time: self.cloth.state.time, dt: self.settings.dt };
             observer.after(place, scene, &self.cloth.quantities(line));
         }
-    }
-
-    fn solves(&self) -> Solves<'a> {
-        Solves { parts: self.parts, masses: self.masses, settings: self.settings, time: self.cloth.state.time }
     }
 
     /// Puts bodies and pin targets at both ends of the step, and stops what is held.
@@ -284,29 +191,11 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// B.1: v½ from x and v.
-    fn half_velocity(&mut self) {
-        let solves = self.solves();
-        let Self { parts, cloth, dynamics, prescribed, metrics, report, .. } = self;
-        let (state, Scratch { v_half, explicit, cg, .. }) = (&cloth.state, &mut cloth.scratch);
-        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
-        metrics.stage("B.1 velocity", |m| {
-            volumes.update(parts, &state.x);
-            let (x, v) = (&state.x[..], &state.v[..]);
-            let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, reaches_ghosts, contacts: None };
-            let problem = solves.at(at);
-            let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
-            report.add(outcome, "B.1", (parts, m), || cg.unsolved(parts, solves.settings.stop));
-        });
-    }
-
     /// B.2: self-repulsion.
     fn repel_half_velocity(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
-        if let Some(contact) =
-            contacts.cloth.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
-        {
+        if let Some(contact) = contacts.cloth.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
             prescribed.apply_prescribed(parts, v_half);
         }
@@ -352,56 +241,6 @@ impl<'a> Step<'a> {
         parts.halo().update(parts.ranks(), x_new);
     }
 
-    /// C between B.4 and B.5, as in the authors' later code: the second solve sees the corrected positions.
-    fn collide_after_position_variant(&mut self) {
-        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
-        if contacts.cloth.is_none() || !settings.variants.collides_after_position {
-            return;
-        }
-        let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
-        metrics.stage("C collisions", |m| {
-            let (duration, may_rewind, checks_all) = (settings.dt, false, settings.is_retry);
-            let mut end = CollisionEnd { x: x_new, v: v_star, duration, may_rewind, checks_all };
-            contacts.repel_once(&mut end, m);
-            contacts.resolve_collisions(end, &prescribed.bodies, parts, m);
-        });
-    }
-
-    /// B.5: v½ from v* and the forces at the middle.
-    fn middle_velocity(&mut self) {
-        let solves = self.solves();
-        let Self { parts, cloth, dynamics, prescribed, contacts, metrics, report, .. } = self;
-        let (state, scratch) = (&mut cloth.state, &mut cloth.scratch);
-        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
-        metrics.stage("B.5 velocity", |m| {
-            scratch.set_middle(state);
-            volumes.update(parts, &scratch.x_middle);
-            scratch.predict_velocity(parts, &state.v);
-            let Scratch { v_half, v_star, x_middle, explicit, v_seen, cg, .. } = scratch;
-            let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
-            let (contacts, x) = (contacts.bodies.as_ref(), &x_middle[..]);
-            let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, reaches_ghosts, contacts };
-            let problem = solves.at(at);
-            let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
-            report.add(outcome, "B.5", (parts, m), || cg.unsolved(parts, solves.settings.stop));
-            if let Some(contacts) = contacts {
-                // v is not needed any more: B.6 goes on from v*.
-                problem.undo_projection(contacts, forces, explicit, v_half, &mut state.v);
-                std::mem::swap(&mut state.v, v_half);
-            }
-        });
-    }
-
-    /// B.6: v' from v½ and v*; the state is at its end.
-    fn extrapolate(&mut self) {
-        let Cloth { state, scratch } = &mut *self.cloth;
-        let watch = Watch::start();
-        scratch.extrapolate(&mut state.v);
-        std::mem::swap(&mut state.x, &mut scratch.x_new);
-        // One call of the stage that B.5 has begun.
-        self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 0);
-    }
-
     /// B.7, and the prescribed velocities.
     fn rub_on_bodies(&mut self) {
         self.rub(ContactSubset::ByAnything);
@@ -411,8 +250,7 @@ impl<'a> Step<'a> {
     fn repel_final_velocity(&mut self) {
         let Self { cloth, contacts, metrics, settings, .. } = self;
         let Contacts { bodies, cloth: contact } = &mut **contacts;
-        if let Some(contact) = contact.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
-        {
+        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
             let state = &mut cloth.state;
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);
@@ -445,12 +283,11 @@ impl<'a> Step<'a> {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         prescribed.apply_prescribed(parts, v);
         if let Some(collision) = &contacts.bodies {
-            let rubs = settings.variants.body_friction == BodyFriction::WholeStep;
             let contact = contacts.cloth.as_ref().filter(|_| which == ContactSubset::ByRepulsion);
             let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
             metrics.stage("B.7 body friction", |_| {
                 let moving = (&x[parts.own()], &mut v[parts.own()]);
-                collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, moving);
+                collision.final_velocity((&prescribed.bodies, settings.dt), &concerns, moving);
             });
             prescribed.apply_prescribed(parts, v);
         }

@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_material_completes_the_curve_of_a_garment_that_asks_for_one_where_its_own_stiffness_counts() {
+    fn a_material_completes_the_curve_of_a_garment_where_its_own_stiffness_counts() {
         let stiffening = format!("{VELVET}load = \"490 N/m\"\n");
         let brought = |material: &str, more: &str| {
             let folder =

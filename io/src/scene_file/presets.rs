@@ -48,7 +48,10 @@ fn fill_solver(root: &mut Node) {
         return;
     };
     let origin = Origin::Preset(name);
-    for (key, value) in preset.written() {
+    let written = table.get("integrator").and_then(Node::as_text).and_then(Integrator::find);
+    let unused = written.unwrap_or(preset.integrator).spec().unused;
+    let is_unused = |key: &str| unused.iter().any(|unused| unused.key == key);
+    for (key, value) in preset.written().into_iter().filter(|(key, _)| !is_unused(key)) {
         table.fill(&key, as_written(value), &place, origin.clone());
     }
 }
@@ -70,7 +73,7 @@ type Used = (Vec<Option<Cow<'static, Material>>>, Vec<PathBuf>);
 fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
     let (mut used, mut files) = (Vec::new(), Vec::new());
     let integrator = root.as_table().and_then(|t| t.get("solver")?.as_table()?.get("integrator")?.as_text());
-    let long_steps = integrator == Some(Integrator::WORDS[Integrator::TrBdf2 as usize].name);
+    let long_steps = integrator.and_then(Integrator::find).is_some_and(|integrator| integrator.spec().is_implicit);
     let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
     else {
         return Ok((used, files));

@@ -152,7 +152,7 @@ impl Shot {
     }
 
     /// Follows the pins through all frames; what is suspicious of them.
-    fn check_pins(&self, py: Python<'_>) -> PyResult<Option<String>> {
+    fn check_pins(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         let mut held = self.prepared.try_lock().map_err(|error| in_use("shot", &error))?;
         let mut shot = match held.take() {
             Some(shot) => shot,

@@ -52,6 +52,17 @@ const YOUNGER: [(&str, &str); 1] = [("solver.steps_per_frame", "8")];
 /// beside it, so that the word itself decides nothing.
 const PRESET: (&str, &str) = ("solver.preset", "\"production\"");
 
+/// Keys that earlier programs wrote out, with the values that stand for what this one does without them. The digest of a scene holds them,
+/// so that it is the digest of these programs.
+const GONE: [(&str, &str); 5] = [
+    ("self_collision.after_position", "false"),
+    ("self_repulsion.attraction", "true"),
+    ("self_repulsion.per_collision_step", "false"),
+    ("solver.body_friction", "\"whole_step\""),
+    STRAIN_PER_STEP,
+];
+const STRAIN_PER_STEP: (&str, &str) = ("solver.strain_per_step", "0.1");
+
 /// Keys of the scene that say what caches hold: velocities, and which faces.
 const FORM: [&str; 2] = ["output.velocities", "output.faces"];
 
@@ -81,6 +92,12 @@ pub struct Fingerprint {
     pub scene: BTreeMap<String, String>,
 }
 
+/// True if a scene with the table of a key does not have the key.
+fn is_gone(scene: &BTreeMap<String, String>, key: &str) -> bool {
+    let table = key.split_inclusive('.').next().unwrap_or(key);
+    !scene.contains_key(key) && scene.keys().any(|other| other.starts_with(table))
+}
+
 /// What differs between two fingerprints, in words.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Changes {
@@ -105,7 +122,10 @@ impl Fingerprint {
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
         scene.retain(|key, value| !key.starts_with(WARNINGS) && !UNSAID.contains(&(key.as_str(), value.as_str())));
-        scene.insert(PRESET.0.to_owned(), PRESET.1.to_owned());
+        // "auto" is the value of the programs before.
+        scene.retain(|key, value| key != STRAIN_PER_STEP.0 || value != "\"auto\"");
+        let missing: Vec<_> = GONE.into_iter().filter(|(key, _)| is_gone(&scene, key)).chain([PRESET]).collect();
+        scene.extend(missing.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
         let mut digests = Digests::new();
         for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
             digests.insert(input_name(input), content_digest(input)?);
@@ -117,7 +137,7 @@ impl Fingerprint {
             all.update(format!("{key} {} {} {hash}{rest}\n", hash.len(), rest.len()));
         }
         digests.insert(SCENE.to_owned(), hex(&all.finalize()));
-        scene.remove(PRESET.0);
+        missing.iter().for_each(|(key, _)| drop(scene.remove(*key)));
         digests.insert("solver".to_owned(), versions.solver.to_string());
         digests.insert("format".to_owned(), versions.format.to_string());
         digests.insert("application".to_owned(), versions.application.to_owned());
@@ -183,9 +203,10 @@ fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) -
             continue;
         }
         let is_default = |side: &Fingerprint, value: &String| unsaid(&defaults, side, key).as_ref() == Some(value);
+        let is_gone = |value: &String| GONE.contains(&(key.as_str(), value.as_str()));
         let fills = match (before, after) {
-            (None, Some(value)) => is_default(old, value),
-            (Some(value), None) => is_default(new, value),
+            (None, Some(value)) => is_default(old, value) || is_gone(value),
+            (Some(value), None) => is_default(new, value) || is_gone(value),
             _ => false,
         };
         if fills {

@@ -1,7 +1,7 @@
 //! Numbers that change nothing because of another setting.
 
-use drapery_core::effects::{self, self_repulsion};
-use drapery_core::scene::{EffectRequest, Integrator, SolverSettings};
+use drapery_core::effects;
+use drapery_core::scene::EffectRequest;
 use drapery_core::settings::{SettingValue, Settings};
 
 use super::{Facts, Finding};
@@ -10,55 +10,25 @@ use super::{Facts, Finding};
 struct Idle {
     effect: &'static str,
     keys: &'static [&'static str],
-    when: fn(&SolverSettings, &Settings) -> bool,
+    when: fn(&Settings) -> bool,
     because: &'static str,
     line: &'static str,
 }
 
 /// All of them.
-fn idle_settings() -> [Idle; 3] {
-    [
-        Idle {
-            effect: self_repulsion::SPEC.name,
-            keys: &["stiffness", "limit"],
-            when: |solver, repulsion| solver.integrator == Integrator::TrBdf2 && !repulsion.flag("per_collision_step"),
-            because: "with `tr_bdf2` layers repel each other as hard as they have to",
-            line: "the key only with integrator = \"semi_implicit\"",
-        },
-        Idle {
-            effect: self_repulsion::SPEC.name,
-            keys: &["edge_attraction"],
-            when: |_, repulsion| !repulsion.flag("attraction"),
-            because: "`attraction = false` pulls no pairs back",
-            line: "attraction = true, or leave it out",
-        },
-        Idle {
-            effect: "pressure",
-            keys: &["ambient"],
-            when: |_, pressure| !pressure.flag("gas"),
-            because: "without `gas` the pressure inside does not depend on the one outside",
-            line: "gas = true beside it",
-        },
-    ]
+fn idle_settings() -> [Idle; 1] {
+    [Idle {
+        effect: "pressure",
+        keys: &["ambient"],
+        when: |pressure| !pressure.flag("gas"),
+        because: "without `gas` the pressure inside does not depend on the one outside",
+        line: "gas = true beside it",
+    }]
 }
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let of_effects = facts.scene.effects.iter().flat_map(|request| of_effect(facts, request));
-    of_solver(&facts.scene.solver).into_iter().chain(of_effects).chain(of_bodies(facts)).collect()
-}
-
-fn of_solver(solver: &SolverSettings) -> Option<Finding> {
-    let usual = SolverSettings::default();
-    let (key, because, line) = match solver.integrator {
-        Integrator::SemiImplicit if solver.steps_per_frame != usual.steps_per_frame => {
-            ("steps_per_frame", "the elastic forces choose the steps of `semi_implicit`", "integrator = \"tr_bdf2\"")
-        }
-        Integrator::TrBdf2 if solver.cfl != usual.cfl => {
-            ("cfl", "`steps_per_frame` chooses the steps of `tr_bdf2`", "steps_per_frame = 16 for shorter steps")
-        }
-        Integrator::SemiImplicit | Integrator::TrBdf2 => return None,
-    };
-    Some(finding("solver".to_owned(), key, because, line))
+    of_effects.chain(of_bodies(facts)).collect()
 }
 
 fn of_effect(facts: &Facts<'_>, request: &EffectRequest) -> Vec<Finding> {
@@ -76,8 +46,7 @@ fn of_effect(facts: &Facts<'_>, request: &EffectRequest) -> Vec<Finding> {
             _ => None,
         }
     };
-    let solver = &facts.scene.solver;
-    let of_effect = |idle: &Idle| idle.effect == spec.name && (idle.when)(solver, &settings);
+    let of_effect = |idle: &Idle| idle.effect == spec.name && (idle.when)(&settings);
     let idle = idle_settings().into_iter().filter(of_effect);
     let keys = idle.flat_map(|idle| idle.keys.iter().map(move |key| (*key, idle.because, idle.line)));
     let written = keys.filter(|(key, ..)| settings.optional(key) != usual(key));

@@ -1,13 +1,12 @@
 //! `drapery selftest --hard`: the hard cases, one after the other.
 
-use drapery_core::scene::Integrator;
 use drapery_selftest::CATALOGUE;
 use drapery_selftest::bench::Conditions;
 use drapery_selftest::case::{Case, Tier};
 use drapery_selftest::suite::{Verdict, judge, judge_combination};
 use drapery_selftest::{report, suite};
 
-use crate::args::{HardTier, IntegratorChoice, SelftestArgs};
+use crate::args::{HardTier, SelftestArgs};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
@@ -32,11 +31,7 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
         let what = "no file is found that starts this command again, as cases of the command do";
         Failure::new(ExitCode::Io, format!("{what}\n  help: install the program anew"))
     })?;
-    let integrator = match args.integrator {
-        IntegratorChoice::SemiImplicit => Integrator::SemiImplicit,
-        IntegratorChoice::TrBdf2 => Integrator::TrBdf2,
-    };
-    let conditions = Conditions { tier, integrator, drapery };
+    let conditions = Conditions { tier, integrator: args.integrator, drapery };
     if !args.json {
         say::line(report::HEAD);
     }

@@ -17,11 +17,9 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
+use crate::long_steps::WRONG;
 use crate::parallel::parts::Parts;
 use crate::tolerances::{NO_DIRECTION, STANDARD_GRAVITY};
-
-/// Share of the reactions of bodies that may be beyond Coulomb's law at the end of a step without being counted.
-const WRONG: f64 = 0.02;
 
 /// What a vertex does on the bodies that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +64,7 @@ pub(crate) struct ActiveContact {
 
 /// The contacts of a rank's own vertices, ascending, as they are in the present stage.
 #[derive(Debug, Default)]
-pub struct ActiveSet {
+pub(crate) struct ActiveSet {
     contacts: Vec<ActiveContact>,
     /// First contact of each part, and their number at the end.
     rows: Vec<usize>,

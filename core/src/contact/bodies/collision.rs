@@ -51,7 +51,7 @@ struct BodyContact {
 
 /// Bodies near one vertex.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct VertexContact {
+pub(crate) struct VertexContact {
     holds: [Option<BodyContact>; MAX_BODY_CONTACTS],
 }
 
@@ -146,7 +146,7 @@ impl BodyCollision {
     }
 
     /// Tells which own vertices, by their local numbers, are held in all directions during this step.
-    pub fn set_held(&mut self, held: impl Iterator<Item = (usize, bool)>) {
+    pub(crate) fn set_held(&mut self, held: impl Iterator<Item = (usize, bool)>) {
         held.for_each(|(vertex, holds)| self.held[vertex - self.first] = holds);
     }
 
@@ -239,7 +239,7 @@ impl BodyCollision {
 
     /// Gives the vertices in contact, from the local number `start` on, their normal velocity: the initial guess of the
     /// second solve.
-    pub fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
+    pub(crate) fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
         let start = start - self.first;
         for vertex in constrained(&self.marks, start..start + v.len()) {
             let v = &mut v[vertex - start];
@@ -261,7 +261,7 @@ impl BodyCollision {
     }
 
     /// Whether some vertex of this range of local numbers, all own, is constrained by a contact.
-    pub fn is_constrained(&self, vertices: Range<usize>) -> bool {
+    pub(crate) fn is_constrained(&self, vertices: Range<usize>) -> bool {
         let own = vertices.start - self.first..vertices.end - self.first;
         constrained(&self.marks, own).next().is_some()
     }

@@ -29,8 +29,8 @@ impl BodyConstraint {
 }
 
 /// The velocity that bodies leave a node [m/s]; what they take goes to `load`.
-pub(crate) fn project_velocity(supports: &BodyConstraints, v: &Vec3, load: &mut Vec3) -> Vec3 {
-    supports.iter().flatten().fold(*v, |v, support| {
+pub(crate) fn project_velocity(constraints: &BodyConstraints, v: &Vec3, load: &mut Vec3) -> Vec3 {
+    constraints.iter().flatten().fold(*v, |v, support| {
         let taken = support.normal * (support.least - v.dot(&support.normal)).max(0.0);
         *load += taken;
         v + taken
@@ -38,8 +38,8 @@ pub(crate) fn project_velocity(supports: &BodyConstraints, v: &Vec3, load: &mut 
 }
 
 /// Share of a node's mobility that bodies take from a push along `direction`, a unit vector.
-pub(crate) fn share_borne_by_bodies(supports: &BodyConstraints, v: &Vec3, direction: &Vec3) -> f64 {
-    let resting = supports.iter().flatten().filter(|support| support.rests(v));
+pub(crate) fn share_borne_by_bodies(constraints: &BodyConstraints, v: &Vec3, direction: &Vec3) -> f64 {
+    let resting = constraints.iter().flatten().filter(|support| support.rests(v));
     let along = resting.map(|support| support.normal.dot(direction).min(0.0).powi(2));
     along.sum::<f64>().min(1.0)
 }

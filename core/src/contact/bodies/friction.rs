@@ -16,7 +16,7 @@ use crate::tolerances::NO_DIRECTION;
 
 /// What a contact makes of a vertex.
 #[derive(Debug, Clone, Copy)]
-pub struct Response {
+pub(crate) struct Response {
     /// Corrected position [m].
     pub position: Vec3,
     /// Corrected velocity [m/s].
@@ -27,7 +27,7 @@ pub struct Response {
 
 /// Velocity after an inelastic impact with Coulomb friction in impulse form: the normal component does not approach, the
 /// tangential one changes by at most the friction coefficient times the change of the normal one.
-pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f64) -> Vec3 {
+pub(crate) fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f64) -> Vec3 {
     let relative = velocity - body_velocity;
     let approach = relative.dot(normal);
     let tangential = relative - normal * approach;
@@ -41,7 +41,7 @@ pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f
 
 /// Where a vertex comes too close to a body.
 #[derive(Debug, Clone, Copy)]
-pub struct SurfaceContact<'a> {
+pub(crate) struct SurfaceContact<'a> {
     /// The body.
     pub body: &'a Body,
     /// Its nearest point.
@@ -52,7 +52,7 @@ pub struct SurfaceContact<'a> {
 
 /// How a vertex moves in a step.
 #[derive(Debug, Clone, Copy)]
-pub struct VertexMotion<'a> {
+pub(crate) struct VertexMotion<'a> {
     /// Position at the start [m].
     pub x_old: &'a Vec3,
     /// Position at the end [m].
@@ -67,7 +67,11 @@ pub struct VertexMotion<'a> {
 ///
 /// The position is corrected in the frame that the body's material carries along: what is left of the relative motion after
 /// friction is the slip, and a vertex that sticks ends exactly where the body carried it.
-pub fn respond(contact: &SurfaceContact<'_>, motion: &VertexMotion<'_>, recovery_speed: RecoverySpeed) -> Response {
+pub(crate) fn respond(
+    contact: &SurfaceContact<'_>,
+    motion: &VertexMotion<'_>,
+    recovery_speed: RecoverySpeed,
+) -> Response {
     let SurfaceContact { body, at, friction } = *contact;
     let VertexMotion { x_old, x, velocity, dt } = *motion;
     let n = &at.normal;

@@ -5,7 +5,7 @@
 //! says how fast what is too deep comes out, `constraints` what bodies bear of repulsion. Every rank has all bodies and works
 //! on its own vertices. Bodies move cloth; cloth never moves bodies.
 
-pub mod active_set;
+pub(crate) mod active_set;
 pub mod collision;
 pub(crate) mod constraints;
 pub mod friction;
@@ -206,7 +206,7 @@ impl Bodies {
     }
 
     /// Time of the latest sample of a surface [s].
-    pub fn sampled_until(&self, body: usize) -> f64 {
+    pub(crate) fn sampled_until(&self, body: usize) -> f64 {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.latest.time,
             Kind::Rigid(_) => f64::INFINITY,
@@ -233,7 +233,7 @@ impl Bodies {
     }
 
     /// Positions of a surface's points at the start and at the end of the step [m]; empty for analytic bodies.
-    pub fn surface_path(&self, body: usize) -> [&[Vec3]; 2] {
+    pub(crate) fn surface_path(&self, body: usize) -> [&[Vec3]; 2] {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.mesh.path(),
             Kind::Rigid(_) => [&[], &[]],
@@ -241,7 +241,7 @@ impl Bodies {
     }
 
     /// Pairs of triangles that cross each other at the latest samples, of each body.
-    pub fn self_crossings(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn self_crossings(&self) -> impl Iterator<Item = usize> + '_ {
         self.list.iter().map(|body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 })
     }
 
@@ -320,7 +320,7 @@ impl Bodies {
 
     /// Whether a body may pass through itself around `x` [m] during the step: inside the boxes of its crossings at the two
     /// samples, joined and enlarged by `margin` [m].
-    pub fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
+    pub(crate) fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
         match &self.list[body].kind {
             Kind::Surface(surface) => {
                 let [a, b] = &surface.crossing_regions;
@@ -331,7 +331,7 @@ impl Bodies {
     }
 
     /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
-    pub fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
+    pub(crate) fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.crossing_points.iter().any(|points| points.binary_search(&point).is_ok()),
             Kind::Rigid(_) => false,
@@ -347,7 +347,7 @@ impl Bodies {
     }
 
     /// Signed distance of `x` from a rigid body at the start of the step [m]; zero for surfaces, which keep no tree there.
-    pub fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
+    pub(crate) fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
         match &self.list[body].kind {
             Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(0, x)).0,
             Kind::Surface(_) => 0.0,
@@ -442,7 +442,7 @@ impl Body {
     }
 
     /// Whether it is a triangle surface.
-    pub fn is_surface(&self) -> bool {
+    pub(crate) fn is_surface(&self) -> bool {
         matches!(self.kind, Kind::Surface(_))
     }
 }

@@ -45,18 +45,18 @@ impl PairSearch {
     pub(crate) fn swept_pairs(
         &mut self,
         surface: &mut ContactSurface,
-        neighbours: &mut ProximityList,
+        proximity: &mut ProximityList,
         paths: &mut NodePaths,
         around: Inflation,
         found: &mut Vec<Pair>,
     ) -> Option<IndexMap> {
         // What all do alike brings no two of them closer.
-        let shift = neighbours.common_shift();
+        let shift = proximity.common_shift();
         self.shift = shift;
         self.refit(surface, |i| around.swept(surface, paths, &shift, i));
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
-            lay_out(renumber, surface, neighbours, paths);
+            lay_out(renumber, surface, proximity, paths);
         }
         self.refit_ghosts(surface, |i| around.swept(surface, paths, &shift, i));
         self.pairs(surface, |pair, out| out.push(pair), found);
@@ -68,7 +68,7 @@ impl PairSearch {
     pub(crate) fn update_swept_pairs(
         &mut self,
         surface: &mut ContactSurface,
-        neighbours: &mut ProximityList,
+        proximity: &mut ProximityList,
         paths: &mut NodePaths,
         around: Inflation,
         SweptPairs { left, found }: SweptPairs<'_>,
@@ -81,7 +81,7 @@ impl PairSearch {
         self.cloth.refit(surface.cloth(), &self.node_boxes);
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
-            lay_out(renumber, surface, neighbours, paths);
+            lay_out(renumber, surface, proximity, paths);
             renumber.apply(left, 0);
             renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
             self.exchange(surface.nodes(), left);
@@ -171,8 +171,8 @@ impl Side<'_> {
 }
 
 /// Lays the paths and the proximity list out for other ghosts.
-fn lay_out(renumber: &IndexMap, surface: &ContactSurface, neighbours: &mut ProximityList, paths: &mut NodePaths) {
+fn lay_out(renumber: &IndexMap, surface: &ContactSurface, proximity: &mut ProximityList, paths: &mut NodePaths) {
     paths.renumber(renumber);
     paths.refresh(surface.nodes());
-    neighbours.renumber(renumber, surface);
+    proximity.renumber(renumber, surface);
 }

@@ -33,7 +33,7 @@ use crate::metrics::Metrics;
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
 
 /// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
-/// the shorter steps that avoid them (`docs/dev/decisions/0007-self-contact.md`).
+/// the shorter steps that avoid them (`docs/dev/decisions/0037-heaps.md`).
 const HARD_SHARE: u64 = 5;
 
 /// Edge lengths per second at which pairs closer than the gap are opened [1/s].
@@ -64,7 +64,7 @@ pub(crate) struct Collisions<'a> {
 
 /// How hard collisions are resolved: more than usual where that did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Strategy {
+pub(crate) enum Strategy {
     /// Some attempts with impulses, then zones.
     #[default]
     Usual,
@@ -122,7 +122,7 @@ impl CollisionLoop {
     pub(crate) fn resolve(
         &mut self,
         collisions: &mut Collisions<'_>,
-        neighbours: &mut ProximityList,
+        proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
         mut used: f64,
@@ -130,10 +130,10 @@ impl CollisionLoop {
     ) -> LoopOutcome {
         let ranks = collisions.surface.ranks().clone();
         let mut response = Response::default();
-        let mut source = CandidateSource::of(used, neighbours);
+        let mut source = CandidateSource::of(used, proximity);
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
-        self.prepare(source, collisions, neighbours, search, paths, metrics);
+        self.prepare(source, collisions, proximity, search, paths, metrics);
         let mut detected = self.detect(collisions, paths, &response);
         let [mut everywhere] = ranks.sum_of([detected.len() as u64]);
         if everywhere == 0 {
@@ -158,17 +158,17 @@ impl CollisionLoop {
             let touched = response.respond(&field, attempt, detected, &mut self.displacements, metrics);
             let covers = |node: u32, end: &Vec3| match source {
                 CandidateSource::Swept | CandidateSource::Renewed => search.covers(node, end),
-                CandidateSource::ProximityList => neighbours.is_within_skin(node as usize, end, MARGIN),
+                CandidateSource::ProximityList => proximity.is_within_skin(node as usize, end, MARGIN),
             };
             let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
             if ranks.any(!covered) {
                 let nodes = surface.nodes();
                 let moved = nodes.own().filter(|&node| self.moved[node] != 0);
                 used = ranks
-                    .max(moved.map(|node| neighbours.update_displacement(node, &paths.end[node])).fold(used, f64::max));
-                neighbours.exchange_displacements(nodes);
-                source = CandidateSource::of(used, neighbours).after(source);
-                self.prepare(source, collisions, neighbours, search, paths, metrics);
+                    .max(moved.map(|node| proximity.update_displacement(node, &paths.end[node])).fold(used, f64::max));
+                proximity.exchange_displacements(nodes);
+                source = CandidateSource::of(used, proximity).after(source);
+                self.prepare(source, collisions, proximity, search, paths, metrics);
             }
             detected = self.detect(collisions, paths, &response);
             [everywhere] = ranks.sum_of([detected.len() as u64]);
@@ -194,7 +194,7 @@ impl CollisionLoop {
         &mut self,
         source: CandidateSource,
         collisions: &mut Collisions<'_>,
-        neighbours: &mut ProximityList,
+        proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
         metrics: &mut Metrics,
@@ -202,15 +202,15 @@ impl CollisionLoop {
         let (around, surface) = (Inflation { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
         let found = &mut self.candidates;
         let renumber = match source {
-            CandidateSource::ProximityList => return neighbours.close_pairs(around.gap, around.margin, found),
+            CandidateSource::ProximityList => return proximity.close_pairs(around.gap, around.margin, found),
             CandidateSource::Swept => {
                 metrics.count_once(surface.ranks(), "swept_searches", 1);
-                search.swept_pairs(surface, neighbours, paths, around, found)
+                search.swept_pairs(surface, proximity, paths, around, found)
             }
             CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
                 let pairs = SweptPairs { left: &mut self.left, found };
-                search.update_swept_pairs(surface, neighbours, paths, around, pairs)
+                search.update_swept_pairs(surface, proximity, paths, around, pairs)
             }
         };
         self.left.fill(0);
@@ -282,8 +282,8 @@ impl CollisionLoop {
 }
 
 /// Whether the proximity list holds all that can meet where `used` is the longest way of a node, and a little farther.
-pub(crate) fn holds_all(neighbours: &ProximityList, used: f64) -> bool {
-    used + MARGIN <= neighbours.skin()
+pub(crate) fn holds_all(proximity: &ProximityList, used: f64) -> bool {
+    used + MARGIN <= proximity.skin()
 }
 
 /// Where the pairs to look at come from.
@@ -298,8 +298,8 @@ enum CandidateSource {
 }
 
 impl CandidateSource {
-    fn of(used: f64, neighbours: &ProximityList) -> Self {
-        if holds_all(neighbours, used) { Self::ProximityList } else { Self::Swept }
+    fn of(used: f64, proximity: &ProximityList) -> Self {
+        if holds_all(proximity, used) { Self::ProximityList } else { Self::Swept }
     }
 
     /// This source where the candidates are from `before`.

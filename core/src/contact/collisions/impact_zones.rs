@@ -217,12 +217,12 @@ impl Zones {
         Some(&self.zones[self.places[found].1 as usize])
     }
 
-    /// Whether a zone that the hit touches has let go of what is prescribed.
+    /// Whether a zone that the collision touches has released what is prescribed.
     pub(crate) fn have_released_prescribed(&self, collision: &Collision) -> bool {
         collision.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_released_prescribed))
     }
 
-    /// Whether the nodes of a hit have moved as one body: they are as far apart at the end as at the start.
+    /// Whether the nodes of a collision have moved as one body: they are as far apart at the end as at the start.
     pub(crate) fn are_rigid(&self, collision: &Collision) -> bool {
         let zone = collision.moving().next().and_then(|node| self.of(node));
         zone.is_some_and(|zone| collision.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))

@@ -1,4 +1,4 @@
-//! What ranks tell each other of open hits and zones.
+//! Messages between ranks about open collisions and zones.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ pub(super) struct Opened {
 
 codec!(struct Opened { collisions, zones, motions });
 
-/// Where an open hit has moved a node to.
+/// Displacement of a node by an open collision.
 pub(super) struct MovedNode {
     /// Number in the scene.
     pub(super) number: u32,

@@ -87,33 +87,33 @@ impl Response {
             || self.open.are_rigid(collision)
     }
 
-    /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt;
+    /// Changes the displacements of own nodes to resolve the collisions, sorted, more firmly with every attempt;
     /// returns the nodes that may have changed, ascending. All ranks call it together.
     pub(super) fn respond(
         &mut self,
-        field: &Kinematics<'_>,
+        kinematics: &Kinematics<'_>,
         attempt: u32,
         collisions: Vec<Collision>,
         displacements: &mut [Vec3],
         metrics: &mut Metrics,
     ) -> Vec<u32> {
-        let collisions = self.drop_failed(field, attempt, collisions);
-        let (own, shared, opened) = self.exchange_open(field, collisions, displacements);
+        let collisions = self.drop_failed(kinematics, attempt, collisions);
+        let (own, shared, opened) = self.exchange_open(kinematics, collisions, displacements);
         let mut touched = Vec::new();
         if attempt <= IMPULSE_ATTEMPTS {
             for collision in own {
-                let places = collision.pair.nodes.map(|number| field.local(number));
-                let nodes = HitNodes { start: field.start, mobility: field.mobility, gap: field.gap };
+                let places = collision.pair.nodes.map(|number| kinematics.local(number));
+                let nodes = HitNodes { start: kinematics.start, mobility: kinematics.mobility, gap: kinematics.gap };
                 if impulse(&collision, places, &nodes, displacements) {
-                    touched.extend(collision.moving().map(|number| field.local(number)));
+                    touched.extend(collision.moving().map(|number| kinematics.local(number)));
                 }
             }
-            self.shared_impulses(field, &shared, displacements, &mut touched);
+            self.shared_impulses(kinematics, &shared, displacements, &mut touched);
         } else {
             self.open.add(opened, attempt, &[]);
-            let (own, shared) = self.drop_released(field.nodes, own, shared);
+            let (own, shared) = self.drop_released(kinematics.nodes, own, shared);
             let active = [self.closed.add(Vec::new(), attempt, &own), self.open.add(Vec::new(), attempt, &shared)];
-            self.zones(field, attempt, &active, displacements, &mut touched, metrics);
+            self.zones(kinematics, attempt, &active, displacements, &mut touched, metrics);
         }
         touched.sort_unstable();
         touched.dedup();
@@ -136,11 +136,11 @@ impl Response {
 
     /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
     /// prescribed node.
-    fn drop_failed(&mut self, field: &Kinematics<'_>, attempt: u32, collisions: Vec<Collision>) -> Vec<Collision> {
+    fn drop_failed(&mut self, kinematics: &Kinematics<'_>, attempt: u32, collisions: Vec<Collision>) -> Vec<Collision> {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let is_hopeless = |collision: &Collision| {
-            let constraint = collision.constraint(collision.pair.nodes.map(|number| field.local(number)));
-            response(&constraint, field.mobility) == 0.0
+            let constraint = collision.constraint(collision.pair.nodes.map(|number| kinematics.local(number)));
+            response(&constraint, kinematics.mobility) == 0.0
         };
         let mark_failed = |collision: &Collision| {
             attempt > LAST_ATTEMPT || (last_chance && collision.has_prescribed()) || is_hopeless(collision)
@@ -177,22 +177,22 @@ impl Response {
         }
     }
 
-    /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
-    /// that are open, in order, and the zones that are open now.
+    /// Sends open collisions, and the zones that they open, to all ranks. Returns the collisions that stay here, the
+    /// open collisions of all ranks, in order, and the open zones.
     fn exchange_open(
         &mut self,
-        field: &Kinematics<'_>,
+        kinematics: &Kinematics<'_>,
         collisions: Vec<Collision>,
         displacements: &[Vec3],
     ) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
-        let nodes = field.nodes;
+        let nodes = kinematics.nodes;
         if nodes.ranks().is_alone() {
             return (collisions, Vec::new(), Vec::new());
         }
         let (own, collisions, zones) = self.split(nodes, collisions);
         let concerned =
             collisions.iter().flat_map(|collision| collision.pair.nodes).chain(zones.iter().flat_map(Zone::members));
-        let motions = concerned.map(|number| (number, field.motion(number, displacements))).collect();
+        let motions = concerned.map(|number| (number, kinematics.motion(number, displacements))).collect();
         let opens = !collisions.is_empty() || !zones.is_empty();
         let opened = opens.then_some(Opened { collisions, zones, motions });
         let mut all = Opened::default();
@@ -205,8 +205,8 @@ impl Response {
         (own, all.collisions, all.zones)
     }
 
-    /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
-    /// others are concerned with from now on.
+    /// Splits the collisions into those that concern this rank alone and the others, and takes out the zones of this
+    /// rank that concern others from now on.
     fn split(
         &mut self,
         nodes: &ContactNodes,
@@ -238,10 +238,10 @@ impl Response {
         (own, shared, self.closed.take(&places))
     }
 
-    /// One Gauss-Seidel pass over the open hits, each by the rank of the smallest node that it hangs together with.
+    /// One Gauss-Seidel pass over the open collisions, each by the rank of the smallest node of its component.
     fn shared_impulses(
         &mut self,
-        field: &Kinematics<'_>,
+        kinematics: &Kinematics<'_>,
         shared: &[Collision],
         displacements: &mut [Vec3],
         touched: &mut Vec<u32>,
@@ -249,7 +249,7 @@ impl Response {
         if shared.is_empty() {
             return;
         }
-        let nodes = field.nodes;
+        let nodes = kinematics.nodes;
         let mut sets = UnionFind::default();
         shared.iter().for_each(|collision| sets.push(collision.moving()));
         let numbers: Vec<u32> = self.remote_motion.keys().copied().collect();
@@ -259,7 +259,7 @@ impl Response {
         let mut changed = Vec::new();
         for (collision, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
-            let nodes = HitNodes { start: &start, mobility: &mobility, gap: field.gap };
+            let nodes = HitNodes { start: &start, mobility: &mobility, gap: kinematics.gap };
             if impulse(collision, collision.pair.nodes.map(place), &nodes, &mut moved) {
                 changed.extend(collision.moving().map(place));
             }
@@ -270,8 +270,8 @@ impl Response {
         let changed = changed.map(|place| MovedNode { number: numbers[place], displacement: moved[place] }).collect();
         for MovedNode { number, displacement } in nodes.ranks().all_gather_encoded("nodes of open hits", changed) {
             if nodes.owns(number) {
-                displacements[field.local(number) as usize] = displacement;
-                touched.push(field.local(number));
+                displacements[kinematics.local(number) as usize] = displacement;
+                touched.push(kinematics.local(number));
             }
         }
     }
@@ -279,7 +279,7 @@ impl Response {
     /// Solves the closed and the open zones at these places, each by itself.
     fn zones(
         &mut self,
-        field: &Kinematics<'_>,
+        kinematics: &Kinematics<'_>,
         attempt: u32,
         [closed, open]: &[Vec<usize>; 2],
         displacements: &mut [Vec3],
@@ -289,9 +289,9 @@ impl Response {
         let mut tasks: Vec<Task<'_>> = Vec::new();
         for &place in closed {
             let zone = &self.closed.zones()[place];
-            tasks.push(Task::new(zone, attempt, place, |number| field.motion(number, displacements)));
+            tasks.push(Task::new(zone, attempt, place, |number| kinematics.motion(number, displacements)));
         }
-        for &place in open.iter().filter(|place| field.nodes.owns(self.open.zones()[**place].nodes[0])) {
+        for &place in open.iter().filter(|place| kinematics.nodes.owns(self.open.zones()[**place].nodes[0])) {
             let motion = |number: u32| self.remote_motion[&number];
             tasks.push(Task::new(&self.open.zones()[place], attempt, place, motion));
         }
@@ -304,13 +304,13 @@ impl Response {
         }
         let shared = solved.split_off(closed.len());
         for answer in solved {
-            answer.apply(field, displacements, touched);
+            answer.apply(kinematics, displacements, touched);
             self.closed.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
         }
         if open.is_empty() {
             return;
         }
-        let (ranks, answers) = (field.nodes.ranks(), shared.into_iter().map(ZoneAnswer::of).collect());
+        let (ranks, answers) = (kinematics.nodes.ranks(), shared.into_iter().map(ZoneAnswer::of).collect());
         for answer in ranks.all_gather_encoded(ZoneAnswer::NAME, answers) {
             let zones = self.open.zones();
             let place = message::index(ranks.rank(), ZoneAnswer::NAME, answer.place, zones.len());
@@ -318,7 +318,7 @@ impl Response {
             for (number, displacement) in solution.moved() {
                 self.remote_motion.entry(number).and_modify(|motion| motion.displacement = *displacement);
             }
-            solution.apply(field, displacements, touched);
+            solution.apply(kinematics, displacements, touched);
             self.open.zone_mut(place).note(solution.action, solution.solved.contradicts);
         }
     }
@@ -359,15 +359,15 @@ impl<'a> Task<'a> {
 
 impl ZoneSolution {
     /// Moves the own nodes among the members.
-    fn apply(&self, field: &Kinematics<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
-        for (number, displacement) in self.moved().filter(|(number, _)| field.nodes.owns(*number)) {
-            displacements[field.local(number) as usize] = *displacement;
-            touched.push(field.local(number));
+    fn apply(&self, kinematics: &Kinematics<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
+        for (number, displacement) in self.moved().filter(|(number, _)| kinematics.nodes.owns(*number)) {
+            displacements[kinematics.local(number) as usize] = *displacement;
+            touched.push(kinematics.local(number));
         }
     }
 }
 
-/// Nodes of hits, in any numbering.
+/// Nodes of collisions, in any numbering.
 struct HitNodes<'a> {
     /// Positions at the collision-free state [m].
     start: &'a [Vec3],
@@ -377,8 +377,8 @@ struct HitNodes<'a> {
     gap: f64,
 }
 
-/// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
-/// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
+/// Tests a collision again after the changes of those before it, and stops it if the pair still meets; returns whether
+/// it does. A pair that meets but needs no change turns a lot, and has to be tested again. Nodes are at `places` of the
 /// arrays.
 fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
     let HitNodes { start, mobility, gap } = *nodes;
@@ -394,7 +394,7 @@ fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displa
     true
 }
 
-/// Own nodes that hits of other ranks name, by their numbers in the scene, ascending.
+/// Own nodes that collisions of other ranks name, by their numbers in the scene, ascending.
 fn named_by_others(nodes: &ContactNodes, collisions: &[Collision]) -> Vec<u32> {
     let halo = nodes.halo();
     let ghosts = collisions.iter().flat_map(Collision::moving).filter(|number| !nodes.owns(*number));

@@ -2,8 +2,8 @@
 //! does not reach far, and that follows from the scene's numbers of the nodes alone.
 //!
 //! A pair takes the first colour that none before it has taken at one of its nodes. Pairs with nodes in several logical
-//! parts come before those within one, which no other rank has to wait for. 128 colours are a *page*; pairs that find none
-//! of them free wait for the next page, where all are free again.
+//! parts come before those within one, which no other rank has to wait for. 128 colours are a *batch*; pairs that find
+//! none of them free wait for the next batch, where all are free again.
 //!
 //! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair
 //! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
@@ -23,7 +23,7 @@ use crate::parallel::message::codec;
 /// The colour of pairs that have none.
 pub(crate) const NO_COLOUR: u32 = u32::MAX;
 
-/// Colours of a page: bits of a mask.
+/// Colours of a batch: bits of a mask.
 const BATCH: u32 = u128::BITS;
 
 /// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
@@ -34,7 +34,7 @@ const CLASSES: usize = 2 * WITHIN;
 /// Number of the first class of pairs within a part.
 const WITHIN: usize = 256;
 
-/// Rounds after which ranks look for pairs that will find no colour of a page free: few enough that a page does not take a
+/// Rounds after which ranks look for pairs that cannot get a colour of a batch: few enough that a batch does not take a
 /// round for each of them, and more than there are where contacts are few.
 const ROUNDS_UNTIL_FULL: usize = 16;
 
@@ -65,7 +65,7 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     (colours, number as usize)
 }
 
-/// Colours the pairs of `order`, which several ranks hold, page by page.
+/// Colours the pairs of `order`, which several ranks hold, batch by batch.
 fn colour_together(
     nodes: &ContactNodes,
     nodes_of: impl Fn(usize) -> [u32; 4],
@@ -95,7 +95,7 @@ fn colour_together(
     }
 }
 
-/// Colours that are taken at each node, on all pages.
+/// Colours that are taken at each node, in all batches.
 struct UsedColours {
     /// Masks of each node.
     batches: usize,
@@ -128,7 +128,7 @@ impl UsedColours {
         of.iter().for_each(|node| self.masks[*node as usize * self.batches + batch] |= 1 << (colour % BATCH));
     }
 
-    /// Takes what is taken of a page at every node.
+    /// Takes the taken colours of a batch at every node.
     fn keep(&mut self, batch: u32, used: &[u128]) {
         self.make_room(batch as usize);
         for (masks, used) in self.masks.chunks_mut(self.batches).zip(used) {
@@ -136,7 +136,7 @@ impl UsedColours {
         }
     }
 
-    /// Makes room for a page and, so that it is seldom done, for as many again.
+    /// Makes room for a batch and, so that it is seldom done, for as many again.
     fn make_room(&mut self, batch: usize) {
         if batch >= self.batches {
             let batches = 2 * batch.max(1);
@@ -185,14 +185,14 @@ fn class(key: &Key) -> u8 {
     class
 }
 
-/// What is known while a page is filled.
+/// State while a batch is filled.
 struct Colouring<'a, F> {
     nodes: &'a ContactNodes,
     nodes_of: F,
     /// Pairs in the order in which they choose.
     order: &'a [u32],
     colours: &'a mut [u32],
-    /// Colours of the page that are taken at each node.
+    /// Colours of the batch that are taken at each node.
     used: Vec<u128>,
     /// Nodes of which this pass has met a pair that it could not decide.
     waits: Vec<bool>,
@@ -203,7 +203,7 @@ struct Colouring<'a, F> {
 }
 
 impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
-    /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found
+    /// Gives the colours of a batch to the pairs at these places of the order, ascending; returns the pairs that found
     /// none free.
     fn batch(&mut self, batch: u32, undecided: Vec<u32>) -> Vec<u32> {
         self.used.fill(0);
@@ -236,52 +236,58 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if !self.nodes.ranks().any(!left.is_empty()) {
             return;
         }
-        let mut queues = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
-        let mut changed = queues.nodes();
+        let mut wait_lists = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut changed = wait_lists.nodes();
         let mut round = 0;
         loop {
-            let mut looked_at = self.tell(&queues, &changed);
+            let mut looked_at = self.tell(&wait_lists, &changed);
             changed.clear();
             round += 1;
             if round % ROUNDS_UNTIL_FULL == 0 {
-                self.take_out_full(&mut left, &mut queues, full, &mut changed);
+                self.take_out_full(&mut left, &mut wait_lists, full, &mut changed);
                 looked_at.extend_from_slice(&changed);
             }
             while let Some(node) = looked_at.pop() {
-                let Some(place) = queues.first(node) else { continue };
+                let Some(place) = wait_lists.first(node) else { continue };
                 let of = self.nodes_at(place);
-                if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
+                if of.iter().all(|node| wait_lists.first(*node) == Some(place)) && self.is_known(&of) {
                     self.decide(batch, place, full);
-                    queues.take_out(place, &of);
+                    wait_lists.take_out(place, &of);
                     looked_at.extend(of);
                     changed.extend(of);
                 }
             }
-            if !self.nodes.ranks().any(!queues.is_empty()) {
+            if !self.nodes.ranks().any(!wait_lists.is_empty()) {
                 break;
             }
         }
     }
 
-    /// Puts with the `full` what will find no colour of this page free, whatever comes before it: colours that are taken
-    /// stay taken. Just after ranks have told each other what is, all ranks with a node of a pair come to the same.
-    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut WaitLists, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
+    /// Moves pairs that cannot get a colour of this batch to `full`: colours that are taken stay taken. Called right
+    /// after an exchange, so that all ranks with a node of a pair decide alike.
+    fn take_out_full(
+        &self,
+        left: &mut Vec<u32>,
+        wait_lists: &mut WaitLists,
+        full: &mut Vec<u32>,
+        changed: &mut Vec<u32>,
+    ) {
         left.retain(|place| {
-            if queues.is_out(*place) {
+            if wait_lists.is_out(*place) {
                 return false;
             }
             let of = self.nodes_at(*place);
             let is_full = self.used_colours(&of) == u128::MAX;
             if is_full {
                 full.push(*place);
-                queues.take_out(*place, &of);
+                wait_lists.take_out(*place, &of);
                 changed.extend(of);
             }
             !is_full
         });
     }
 
-    /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
+    /// Gives the pair at this place of the order the first free colour of the batch, or moves it to `full`.
     fn decide(&mut self, batch: u32, place: u32, full: &mut Vec<u32>) {
         let of = self.nodes_at(place);
         let colour = (!self.used_colours(&of)).trailing_zeros();
@@ -293,7 +299,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         }
     }
 
-    /// Colours of the page that are taken at any of these nodes.
+    /// Colours of the batch that are taken at any of these nodes.
     fn used_colours(&self, of: &[u32; 4]) -> u128 {
         of.iter().fold(0, |used_colours, node| used_colours | self.used[*node as usize])
     }
@@ -323,14 +329,14 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
     /// which something else is known now.
-    fn tell(&mut self, queues: &WaitLists, changed: &[u32]) -> Vec<u32> {
+    fn tell(&mut self, wait_lists: &WaitLists, changed: &[u32]) -> Vec<u32> {
         let nodes = self.nodes;
         let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
         if nodes.halo().is_empty() {
             return known;
         }
         for node in &known {
-            let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            let first = wait_lists.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
             self.announced[*node as usize] = first.unwrap_or(NOBODY);
             self.has_changed[*node as usize] = true;
         }
@@ -352,7 +358,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 struct Announcement {
     /// The first undecided pair there.
     first: Key,
-    /// Colours of the page that are taken there.
+    /// Colours of the batch that are taken there.
     used: u128,
 }
 

@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::contact::repulsion::active_contact::{ActiveContact, PairsOfKind};
+use crate::contact::repulsion::active_pair::{ActivePair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{KINDS, PairKind};
@@ -75,7 +75,7 @@ impl HaloPerColour {
                 let mut sent: Vec<u32> = round.sends.iter().flat_map(|(_, list)| list).copied().collect();
                 sent.sort_unstable();
                 let is_announced =
-                    |contacts: &ActiveContact| contacts.nodes.iter().any(|node| sent.binary_search(node).is_ok());
+                    |contacts: &ActivePair| contacts.nodes.iter().any(|node| sent.binary_search(node).is_ok());
                 let live = &mut live[range.clone()];
                 let (ahead, rest): (Vec<u32>, Vec<u32>) =
                     live.iter().partition(|pair| contacts[**pair as usize].as_ref().is_some_and(is_announced));

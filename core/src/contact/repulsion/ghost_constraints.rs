@@ -11,7 +11,7 @@ pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [BodyConstraints]) {
         support.map_or([0.0; 4], |BodyConstraint { normal, least }| [normal.x, normal.y, normal.z, least])
     };
     let mut rows: Vec<[[f64; 4]; MAX_BODY_CONTACTS]> =
-        all.iter().map(|supports| supports.each_ref().map(numbers)).collect();
+        all.iter().map(|constraints| constraints.each_ref().map(numbers)).collect();
     nodes.update(&mut rows);
     for node in nodes.ghost_places() {
         all[node] = rows[node].map(|[x, y, z, least]| {

@@ -13,7 +13,7 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraints, project_velocity};
 use crate::contact::broad_phase::candidate_pair::CandidatePair;
 use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
-use crate::contact::repulsion::active_contact::{ActiveContact, OrientedPair, PairsOfKind};
+use crate::contact::repulsion::active_pair::{ActivePair, OrientedPair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::repulsion::colour_halo::HaloPerColour;
 use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
@@ -23,7 +23,7 @@ use crate::contact::topology::pair::{Closest, KINDS, Pair, PairKind};
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
-mod active_contact;
+mod active_pair;
 pub(crate) mod atomic_vectors;
 mod colour_halo;
 pub(crate) mod ghost_constraints;
@@ -50,11 +50,6 @@ pub struct Laws {
     /// Cosine between the direction of two edges now and at the collision-free state below which they have passed
     /// through each other; below -1 edges never attract.
     pub edge_attraction: f64,
-    /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
-    pub attraction: bool,
-    /// Whether the laws act once per collision step, before C, instead of in every time step
-    /// (`docs/theory/variants.md#repulsion-once-per-collision-step`).
-    pub per_collision_step: bool,
 }
 
 /// Which passes run.
@@ -80,16 +75,16 @@ pub(crate) struct RepulsionStep<'a> {
     /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
     pub friction: Option<&'a [[f64; 2]]>,
     /// Bodies that the nodes lie on; `None` where repulsion does not care.
-    pub supports: Option<&'a [BodyConstraints]>,
+    pub constraints: Option<&'a [BodyConstraints]>,
 }
 
 /// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
 /// acts, from that velocity.
-type Law<'a> = dyn Fn(&ActiveContact, f64) -> Option<f64> + Sync + 'a;
+type Law<'a> = dyn Fn(&ActivePair, f64) -> Option<f64> + Sync + 'a;
 
 impl PairsOfKind {
     /// The active pairs, in the order of their colours.
-    fn active(&self) -> impl Iterator<Item = &ActiveContact> {
+    fn active(&self) -> impl Iterator<Item = &ActivePair> {
         self.live.iter().filter_map(|&i| self.contacts[i as usize].as_ref())
     }
 }
@@ -124,16 +119,10 @@ impl Repulsions {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let kind = |k: &PairsOfKind| {
-            k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActiveContact>>() + 4)
-        };
+        let kind =
+            |k: &PairsOfKind| k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActivePair>>() + 4);
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
-    }
-
-    /// Whether the laws act once per collision step instead of in every time step.
-    pub(crate) fn per_collision_step(&self) -> bool {
-        self.laws.per_collision_step
     }
 
     /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
@@ -142,17 +131,17 @@ impl Repulsions {
     pub(crate) fn record_orientations(
         &mut self,
         nodes: &ContactNodes,
-        neighbours: &ProximityList,
+        proximity: &ProximityList,
         x: &[Vec3],
         slack: f64,
         ignored: &(impl Fn(&Pair) -> bool + Sync),
     ) {
         for kind in KINDS {
-            let list = neighbours.list(kind);
+            let list = proximity.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
             let near = |n: &CandidatePair| {
                 let limit = ACTIVE * f64::from(n.thickness) + slack;
-                if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
+                if n.thickness <= 0.0 || proximity.distance_bound(n) > limit {
                     return None;
                 }
                 oriented(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
@@ -172,7 +161,7 @@ impl Repulsions {
                 of_kind.live.extend(places);
                 of_kind.oriented.extend(pairs);
             }
-            of_kind.order = neighbours.order(kind).restricted(&of_kind.live);
+            of_kind.order = proximity.order(kind).restricted(&of_kind.live);
             of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         self.fresh = false;
@@ -208,7 +197,7 @@ impl Repulsions {
             (0..2).for_each(|kind| law(kind, &|t, approach| laws.elastic_change(t, approach, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
-        if at.supports.is_some() {
+        if at.constraints.is_some() {
             self.nodes.iter().for_each(|&node| v[node as usize] -= self.loads.get(node));
         }
         self.count(metrics);
@@ -277,23 +266,23 @@ impl Repulsions {
 
     /// Before the sweeps: nothing on a body moves into it any more.
     fn project_on_supports(&mut self, at: &RepulsionStep<'_>) {
-        let Some(supports) = at.supports else { return };
+        let Some(constraints) = at.constraints else { return };
         if self.loads.count() != at.nodes.cloth() {
             self.loads = AtomicVectors::new(at.nodes.cloth());
         }
         for &node in &self.nodes {
             let mut load = Vec3::zeros();
             self.velocities
-                .set(node, &project_velocity(&supports[node as usize], &self.velocities.get(node), &mut load));
+                .set(node, &project_velocity(&constraints[node as usize], &self.velocities.get(node), &mut load));
             self.loads.set(node, &load);
         }
     }
 
     /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
     fn apply_impulse(&self, at: &RepulsionStep<'_>, node: u32, velocity: &Vec3) {
-        let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
+        let Some(constraints) = at.constraints else { return self.velocities.set(node, velocity) };
         let mut load = self.loads.get(node);
-        self.velocities.set(node, &project_velocity(&supports[node as usize], velocity, &mut load));
+        self.velocities.set(node, &project_velocity(&constraints[node as usize], velocity, &mut load));
         self.loads.set(node, &load);
     }
 
@@ -307,7 +296,7 @@ impl Repulsions {
             let [a, b, c, d] = t.weights;
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
             let Some(change) = law(t, relative.dot(&t.normal)) else { return };
-            let stiffer = at.supports.map_or(1.0, |supports| t.stiffer_on_bodies(supports, at.mobility, &v));
+            let stiffer = at.constraints.map_or(1.0, |constraints| t.stiffer_on_bodies(constraints, at.mobility, &v));
             let impulse = self.laws.with_friction(t, &relative, change * stiffer) / t.response;
             for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
                 let share = weight * at.mobility[node as usize];
@@ -360,7 +349,7 @@ impl OrientedPair {
     fn touch(&self, laws: &Laws, x: &[Vec3], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
         let at = self.pair.positions(x);
         match self.pair.kind {
-            PairKind::PointTriangle => self.point_triangle(laws, &at, reach),
+            PairKind::PointTriangle => self.point_triangle(&at, reach),
             PairKind::EdgeEdge => self.edges(laws, &at, reach),
         }
     }
@@ -368,20 +357,20 @@ impl OrientedPair {
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
-    fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActiveContact> {
-        let (weights, normal, distance) = self.touch(laws, moment.x, ACTIVE * self.thickness)?;
+    fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
+        let (weights, normal, distance) = self.touch(laws, step.x, ACTIVE * self.thickness)?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.
-        let [a, b, c, d] = nodes.map(|node| moment.mobility[node as usize]);
+        let [a, b, c, d] = nodes.map(|node| step.mobility[node as usize]);
         let free = a.max(b).max(c).max(d);
         let (mut response, sum) = (0.0, a + b + c + d);
         for (own, w) in [a, b, c, d].into_iter().zip(weights) {
             response += w * w * if own > 0.0 { own } else { free };
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
-        let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
-        (response > 0.0).then_some(ActiveContact {
+        let friction = step.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        (response > 0.0).then_some(ActivePair {
             nodes,
             weights,
             normal,
@@ -394,7 +383,7 @@ impl OrientedPair {
     }
 
     #[inline]
-    fn point_triangle(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+    fn point_triangle(&self, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
         let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
         let across = ab.cross(&ac);
         let area = across.norm_squared();
@@ -408,7 +397,7 @@ impl OrientedPair {
         }
         let (wb, wc) = (b / area, c / area);
         let length = area.sqrt();
-        let side = if laws.attraction { self.side.x } else { height.signum() };
+        let side = self.side.x;
         Some(([1.0, wb + wc - 1.0, -wb, -wc], across * (side / length), height * side / length))
     }
 
@@ -421,7 +410,7 @@ impl OrientedPair {
         }
         let distance = squared.sqrt();
         let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
-        if laws.attraction && normal.dot(&self.side) < laws.edge_attraction {
+        if normal.dot(&self.side) < laws.edge_attraction {
             return Some((found.weights, -normal, -distance));
         }
         Some((found.weights, normal, distance))
@@ -430,24 +419,24 @@ impl OrientedPair {
 
 impl Laws {
     /// Approach speed that a pair may keep in a step [m/s] (`docs/theory/self_contact.md#repulsion-with-history`).
-    fn speed_limit(&self, t: &ActiveContact, dt: f64) -> f64 {
+    fn speed_limit(&self, t: &ActivePair, dt: f64) -> f64 {
         self.limit / dt * (t.thickness - t.distance)
     }
 
     /// What the repulsion spring adds to the relative velocity in a step [m/s].
-    fn spring(&self, t: &ActiveContact, dt: f64) -> f64 {
+    fn spring(&self, t: &ActivePair, dt: f64) -> f64 {
         dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
     }
 
     /// Law (a): the repulsion spring.
-    fn elastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn elastic_change(&self, t: &ActivePair, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = self.speed_limit(t, dt);
         let change = || (limit - normal_velocity).min(self.spring(t, dt));
         (normal_velocity < limit).then(change)
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
-    fn inelastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn inelastic_change(&self, t: &ActivePair, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
         let approaches = normal_velocity < 0.0 && normal_velocity < limit;
         approaches.then_some(limit - normal_velocity)
@@ -465,7 +454,7 @@ impl Laws {
 
     /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
     /// the same vertices have borne already is no load any more.
-    fn with_friction(&self, t: &ActiveContact, relative: &Vec3, change: f64) -> Vec3 {
+    fn with_friction(&self, t: &ActivePair, relative: &Vec3, change: f64) -> Vec3 {
         let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
         let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };

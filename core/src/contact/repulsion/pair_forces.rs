@@ -7,23 +7,13 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::repulsion::active_contact::{OrientedPair, PairsOfKind};
+use crate::contact::repulsion::active_pair::{OrientedPair, PairsOfKind};
 use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
+use crate::long_steps::{ONSET, PRESSURE, STIFFENING};
 use crate::parallel::simd4::Simd4;
-
-/// Pressure at which a pair that yields by all of its thickness would push if its spring were linear [Pa].
-const PRESSURE: f64 = 1000.0;
-
-/// How many times that it pushes in truth: the spring stiffens with the square of the overlap, so that waistbands, which press
-/// with kilopascals, keep a distance too.
-const STIFFENING: f64 = 4.0;
-
-/// Overlap over the thickness up to which the spring's stiffness grows from nothing: with all of it at the first touch, pairs of sheets
-/// that slide on each other came and went from round to round of Newton's method.
-const ONSET: f64 = 0.1;
 
 /// Area of a vertex, over the square of its mean edge, in a mesh of equilateral triangles.
 const AREA: f64 = 0.866_025_403_784_438_6;

@@ -10,14 +10,7 @@ use crate::state::State;
 mod history_figure;
 mod ranks;
 
-pub(super) const LAWS: Laws = Laws {
-    stiffness: 30.0,
-    limit: 0.1,
-    friction: 0.4,
-    edge_attraction: -0.3,
-    attraction: true,
-    per_collision_step: false,
-};
+pub(super) const LAWS: Laws = Laws { stiffness: 30.0, limit: 0.1, friction: 0.4, edge_attraction: -0.3 };
 
 /// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
 const SLACK: f64 = 0.05;
@@ -45,6 +38,7 @@ pub(super) fn scenes() -> [Scene; 2] {
 
 struct Pushed {
     nodes: ContactNodes,
+    proximity: ProximityList,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     mobility: Vec<f64>,
@@ -56,14 +50,19 @@ impl Pushed {
     fn new(scene: &Scene, laws: Laws) -> Self {
         let mut surface = ContactSurface::new(scene, 1.0);
         let mut state = State::at_start(scene);
-        let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
-        neighbours.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
-        neighbours.update_displacements(&surface, &state.x, &state.x);
-        let mut repulsions = Repulsions::new(laws);
-        let nodes = surface.nodes().clone();
-        repulsions.record_orientations(&nodes, &neighbours, &state.x, SLACK, &|_| false);
+        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
+        proximity.update_displacements(&surface, &state.x, &state.x);
+        let (nodes, repulsions) = (surface.nodes().clone(), Repulsions::new(laws));
         let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
-        Self { nodes, x: state.x, v: state.v, mobility, repulsions }
+        let mut pushed = Self { nodes, proximity, x: state.x, v: state.v, mobility, repulsions };
+        pushed.record();
+        pushed
+    }
+
+    /// Takes the sides where the nodes are.
+    fn record(&mut self) {
+        self.repulsions.record_orientations(&self.nodes, &self.proximity, &self.x, SLACK, &|_| false);
     }
 
     fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
@@ -74,7 +73,7 @@ impl Pushed {
             x: &self.x,
             mobility: &self.mobility,
             friction: None,
-            supports: None,
+            constraints: None,
         };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
         metrics
@@ -94,7 +93,7 @@ impl Pushed {
             x: &self.x,
             mobility: &self.mobility,
             friction: None,
-            supports: None,
+            constraints: None,
         };
         self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
@@ -108,22 +107,24 @@ impl Pushed {
 }
 
 #[test]
-fn a_pair_that_has_passed_through_is_pulled_back_and_without_attraction_is_not() {
+fn a_pair_that_has_passed_through_is_pulled_back_and_without_its_history_is_not() {
     for scene in scenes() {
-        for attraction in [true, false] {
-            let edge_attraction = if attraction { LAWS.edge_attraction } else { -2.0 };
-            let mut pushed = Pushed::new(&scene, Laws { attraction, edge_attraction, ..LAWS });
+        for has_history in [true, false] {
+            let mut pushed = Pushed::new(&scene, LAWS);
             // Through by half the thickness.
             pushed.shift(-0.025 - 0.5 * THICKNESS);
             let before = pushed.distance().expect("an active pair");
             assert!((before.abs() - 0.5 * THICKNESS).abs() < 0.05 * THICKNESS, "{before}");
+            if !has_history {
+                pushed.record();
+            }
             for _ in 0..400 {
                 pushed.step(1e-2);
             }
             let above = pushed.x[3..].iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
             let below = pushed.x[..3].iter().map(|x| x.y).fold(f64::NEG_INFINITY, f64::max);
             let sum = above - below;
-            assert_eq!(sum > 0.0, attraction, "apart by {sum}");
+            assert_eq!(sum > 0.0, has_history, "apart by {sum}");
         }
     }
 }
@@ -236,10 +237,10 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let corner = (3..6).find(|i| pushed.x[*i].y < 0.1).expect("the corner is the lowest");
         let up = if falls == 0 { Vec3::y() } else { -Vec3::y() };
         let lies: Vec<usize> = if falls == 0 { (0..3).collect() } else { vec![corner] };
-        let mut supports = vec![BodyConstraints::default(); 6];
+        let mut constraints = vec![BodyConstraints::default(); 6];
         // The body moves, so that nothing depends on its standing still.
         let least = 0.25;
-        lies.iter().for_each(|i| supports[*i][0] = Some(BodyConstraint { normal: up, least }));
+        lies.iter().for_each(|i| constraints[*i][0] = Some(BodyConstraint { normal: up, least }));
         let start = up * least + Vec3::new(0.01, 0.0, 0.02);
         pushed.v.fill(start);
         let falling: Vec<usize> = if falls == 0 { vec![corner] } else { (0..3).collect() };
@@ -248,7 +249,7 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let (before, at_start) = (momentum(&pushed), pushed.v.clone());
         let mut metrics = Metrics::default();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut metrics);
         let bears = (before - momentum(&pushed)).abs();
         assert!(bears < 1e-12, "what was given and what bodies have to bear differ by {bears} N s");
@@ -270,13 +271,13 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
 fn friction_between_a_node_on_a_body_and_another_is_coulombs_of_all_that_it_bears() {
     for friction in [0.05, 0.4] {
         let mut pushed = Pushed::new(&scenes()[0], Laws { friction, ..LAWS });
-        let mut supports = vec![BodyConstraints::default(); 6];
-        supports[..3].iter_mut().for_each(|s| s[0] = Some(BodyConstraint { normal: Vec3::y(), least: 0.0 }));
+        let mut constraints = vec![BodyConstraints::default(); 6];
+        constraints[..3].iter_mut().for_each(|s| s[0] = Some(BodyConstraint { normal: Vec3::y(), least: 0.0 }));
         pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
         let impulse = |p: &Pushed, v: &[Vec3]| -> Vec3 { (3..6).map(|i| (p.v[i] - v[i]) / p.mobility[i]).sum() };
         let at_start = pushed.v.clone();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
         let given = impulse(&pushed, &at_start);
         assert!((-given.x / given.y - friction).abs() < 1e-9, "{} for {friction}", -given.x / given.y);
@@ -289,14 +290,14 @@ fn nodes_between_two_bodies_are_not_thrown() {
     let scene = two_triangles([[0.009, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]]);
     let mut pushed = Pushed::new(&scene, LAWS);
     let free = (0..3).find(|i| pushed.x[*i].x > 0.4).expect("the triangle has a third corner");
-    let mut supports = vec![BodyConstraints::default(); 6];
+    let mut constraints = vec![BodyConstraints::default(); 6];
     for i in (0..6).filter(|i| *i != free) {
         let normal = if i < 3 { Vec3::y() } else { -Vec3::y() };
-        supports[i][0] = Some(BodyConstraint { normal, least: 0.0 });
+        constraints[i][0] = Some(BodyConstraint { normal, least: 0.0 });
     }
     pushed.v[free] = Vec3::y();
     let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-    let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+    let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
     pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
     let speed = pushed.v[free].norm();
     assert!(speed <= 1.0, "{speed} m/s");

@@ -19,7 +19,7 @@ const REVERT_ROUNDS: u32 = 6;
 
 impl SelfContact {
     /// Edges that crossed triangles when it was last looked for them.
-    pub fn known_crossings(&self) -> &[Crossing] {
+    pub(crate) fn known_crossings(&self) -> &[Crossing] {
         self.geometric.as_ref().map_or(&[], |g| &g.crossings)
     }
 
@@ -77,7 +77,7 @@ impl SelfContact {
 
     /// All crossings of the state `x` [m], with bodies where they stand, in numbers of the scene; the pairs that cross are left
     /// alone from now on.
-    pub fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
+    pub(crate) fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
         self.surface.gather(x, bodies, &mut self.paths.end);
         let near = self.near_others();
         let end = &self.paths.end;
@@ -102,23 +102,28 @@ impl SelfContact {
     /// crossed before, and all pairs that can have met since the list was made are in it. An edge comes to cross a triangle
     /// only when its ends meet the triangle or it meets the triangle's edges.
     fn near_others(&mut self) -> Option<Vec<u8>> {
-        let Self { surface, neighbours, paths, geometric, .. } = self;
+        let Self { surface, proximity, paths, geometric, .. } = self;
         if geometric.as_ref().is_none_or(|g| !g.crossings.is_empty()) {
             return None;
         }
-        let used = neighbours.update_displacements(surface, &paths.end, &paths.end);
-        if !holds_all(neighbours, used) {
+        let used = proximity.update_displacements(surface, &paths.end, &paths.end);
+        if !holds_all(proximity, used) {
             return None;
         }
         let mut near = vec![0; surface.nodes().count()];
-        neighbours.mark_in_contact(MARGIN, &mut near);
+        proximity.mark_in_contact(MARGIN, &mut near);
         surface.nodes().update(&mut near);
         Some(near)
     }
 
     /// Number of crossings of cloth with cloth when every vertex of the state `x` [m] is where `place` puts it; the same on all
     /// ranks.
-    pub fn crossings_when(&mut self, x: &[Vec3], bodies: &Bodies, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> usize {
+    pub(crate) fn crossings_when(
+        &mut self,
+        x: &[Vec3],
+        bodies: &Bodies,
+        place: &(dyn Fn(&Vec3) -> Vec3 + Sync),
+    ) -> usize {
         self.surface.gather(x, bodies, &mut self.paths.end);
         let cloth = self.surface.nodes().cloth();
         self.paths.end[..cloth].par_iter_mut().for_each(|x| *x = place(x));
@@ -177,12 +182,11 @@ mod tests {
         for round in 0..40 {
             let bodies = Bodies::new(&scene, &[], 0.0).expect("there are none");
             let state = State::at_start(&scene);
-            let contact =
-                || SelfContact::new(&scene, None, Some(CollisionSettings { max_steps: 16, after_position: false }));
+            let contact = || SelfContact::new(&scene, None, Some(CollisionSettings { max_steps: 16 }));
             let (mut sleeping, mut everywhere) = (contact(), contact());
             sleeping.begin_collision_step(&state, &bodies, 1e-3, &mut Metrics::default());
             // Some vertices go nearly as far towards the other sheet as the list reaches; in the first rounds hardly any do.
-            let reach = sleeping.neighbours.skin() - MARGIN;
+            let reach = sleeping.proximity.skin() - MARGIN;
             let share = 0.005 * f64::from(round);
             let mut move_one = |(x, edge): (&Vec3, &f64)| {
                 let far = if random.signed().abs() < share { 0.8 } else { 0.1 };

@@ -5,7 +5,6 @@
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
 mod intersections;
-mod per_collision_step;
 mod per_time_step;
 pub(super) mod substeps;
 
@@ -24,7 +23,7 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::scene::{Integrator, Scene};
+use crate::scene::{RepulsionPlace, Scene};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
@@ -47,15 +46,11 @@ const FORESIGHT: f64 = 1.3;
 pub struct CollisionSettings {
     /// Largest number of time steps between two collision-free states.
     pub max_steps: u32,
-    /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
-    /// after whole steps.
-    pub after_position: bool,
 }
 
 /// The geometric half.
 #[derive(Debug)]
 struct Geometric {
-    after_position: bool,
     control: Substeps,
     work: CollisionLoop,
     /// Velocities at the collision-free state [m/s].
@@ -72,16 +67,17 @@ struct Geometric {
 
 /// The state of self-contact; whole, or repulsions alone, or collisions alone.
 #[derive(Debug)]
-pub struct SelfContact {
+pub(crate) struct SelfContact {
     surface: ContactSurface,
     search: PairSearch,
-    neighbours: ProximityList,
+    proximity: ProximityList,
     repulsions: Option<Repulsions>,
+    repulsion_place: RepulsionPlace,
     geometric: Option<Geometric>,
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
     /// Bodies that the nodes of cloth lie on in B.8; empty without bodies.
-    supports: Vec<BodyConstraints>,
+    constraints: Vec<BodyConstraints>,
     paths: NodePaths,
     /// Whether some rank has vertices that no triangle has.
     has_isolated: bool,
@@ -107,7 +103,7 @@ pub struct SelfContact {
 
 /// How a collision step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ending {
+pub(crate) enum Ending {
     /// The state is free of collisions, or as good as can be; this says what was left.
     Resolved,
     /// So is this one, but zones stayed where they were because nothing else resolved them.
@@ -119,19 +115,18 @@ pub enum Ending {
 impl SelfContact {
     /// Self-contact with these laws of repulsion and settings of collisions; `clamp` is the largest thickness as a fraction of
     /// the rest edges around a vertex.
-    pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
+    pub(crate) fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let is_long = scene.description().solver.integrator == Integrator::TrBdf2;
-        let in_solves = is_long && repulsion.is_some_and(|(laws, _)| !laws.per_collision_step);
+        let repulsion_place = scene.description().solver.integrator.spec().repulsion;
+        let in_solves = repulsion.is_some() && repulsion_place == RepulsionPlace::Solves;
         let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
         let order = match repulsion {
             None => PairOrder::Any,
             Some(_) if in_solves => PairOrder::Sorted,
             Some(_) => PairOrder::Coloured,
         };
-        let neighbours = ProximityList::new(&surface, order);
+        let proximity = ProximityList::new(&surface, order);
         let geometric = collision.map(|settings| Geometric {
-            after_position: settings.after_position,
             control: Substeps::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
@@ -141,11 +136,12 @@ impl SelfContact {
         });
         Self {
             search: PairSearch::new(),
-            neighbours,
+            proximity,
             repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
+            repulsion_place,
             geometric,
             mobility: cloth_mobility(&surface),
-            supports: Vec::new(),
+            constraints: Vec::new(),
             paths: NodePaths::default(),
             has_isolated: scene.isolated().is_some(),
             cloth: Default::default(),
@@ -162,31 +158,26 @@ impl SelfContact {
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>())
-            + size_of_val(self.supports.as_slice());
+            + size_of_val(self.constraints.as_slice());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
-        self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
+        self.surface.bytes() + self.search.bytes() + self.proximity.bytes() + repulsions + nodes
     }
 
-    /// Whether repulsions act in every time step.
-    pub fn repels(&self) -> bool {
-        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+    /// True if the scene has self-repulsion.
+    pub(crate) fn repels(&self) -> bool {
+        self.repulsions.is_some()
     }
 
-    /// Whether repulsions act once per collision step.
-    pub fn repels_per_collision_step(&self) -> bool {
-        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
-    }
-
-    /// Whether collisions are resolved between B.4 and B.5.
-    pub fn collides_after_position(&self) -> bool {
-        self.geometric.as_ref().is_some_and(|g| g.after_position)
+    /// True if the scene has self-repulsion, and it acts there in a step.
+    pub(crate) fn repels_in(&self, place: RepulsionPlace) -> bool {
+        self.repulsions.is_some() && self.repulsion_place == place
     }
 
     /// Takes the inverse masses of pinned own vertices in the coming step, from those of all local vertices [1/kg]. All ranks
     /// call it together.
-    pub fn set_mobility(&mut self, pinned: impl Iterator<Item = usize> + Clone, of_vertices: &[Vec3]) {
+    pub(crate) fn set_mobility(&mut self, pinned: impl Iterator<Item = usize> + Clone, of_vertices: &[Vec3]) {
         let Self { surface, mobility, .. } = self;
         let place = surface.place();
         let shift = surface.nodes().own().start;
@@ -202,30 +193,36 @@ impl SelfContact {
     }
 
     /// Share of the time step that the cloth allows, shortened where contact needs it.
-    pub fn step_share(&self) -> f64 {
+    pub(crate) fn step_share(&self) -> f64 {
         self.geometric.as_ref().map_or(1.0, |g| g.control.share)
     }
 
     /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
     /// ascending: alike on all ranks.
-    pub fn set_effort(&mut self, effort: Strategy, without_repulsion: Vec<u32>) {
+    pub(crate) fn set_effort(&mut self, effort: Strategy, without_repulsion: Vec<u32>) {
         (self.effort, self.without_repulsion) = (effort, without_repulsion);
     }
 
     /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
     /// rank has solved.
-    pub fn frozen_vertices(&self) -> &[u32] {
+    pub(crate) fn frozen_vertices(&self) -> &[u32] {
         &self.frozen
     }
 
     /// The farthest that the last collision step has moved an own vertex, over the edges around it, and its number in the scene.
-    pub fn largest_correction(&self) -> (f64, u32) {
+    pub(crate) fn largest_correction(&self) -> (f64, u32) {
         self.largest_correction
     }
 
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
     /// the collision step may have.
-    pub fn begin_collision_step(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
+    pub(crate) fn begin_collision_step(
+        &mut self,
+        state: &State,
+        bodies: &Bodies,
+        dt: f64,
+        metrics: &mut Metrics,
+    ) -> u32 {
         self.surface.gather(&state.x, bodies, &mut self.paths.start);
         self.start_time = state.time;
         if let Some(geometric) = &mut self.geometric {
@@ -238,17 +235,15 @@ impl SelfContact {
         let steps = wanted.min(affordable).max(1);
         let displacement = per_step * f64::from(steps);
         self.gap = self.gap_now();
-        self.skin_used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
-        if self.skin_used + displacement > self.neighbours.skin() || self.skin_used.is_nan() {
+        self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
+        if self.skin_used + displacement > self.proximity.skin() || self.skin_used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
-            self.rebuild(skin::after(&self.neighbours, displacement));
-            self.skin_used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
+            self.rebuild(skin::after(&self.proximity, displacement));
+            self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
-            // What acts at the start of the collision step alone has no need of pairs that come close later.
-            let ahead = if repulsions.per_collision_step() { 0.0 } else { displacement.min(self.neighbours.skin()) };
-            let slack = 2.0 * ahead * self.surface.longest_edge();
+            let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
@@ -257,7 +252,7 @@ impl SelfContact {
             };
             repulsions.record_orientations(
                 self.surface.nodes(),
-                &self.neighbours,
+                &self.proximity,
                 &self.paths.start,
                 slack,
                 &is_ignored,
@@ -286,8 +281,8 @@ impl SelfContact {
 
     /// Makes the proximity list anew around the collision-free state.
     fn rebuild(&mut self, reach: f64) {
-        let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
-        neighbours.rebuild(surface, search, &mut paths.start, reach, *gap);
+        let Self { surface, search, proximity, paths, mobility, gap, .. } = self;
+        proximity.rebuild(surface, search, &mut paths.start, reach, *gap);
         if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
             *mobility = cloth_mobility(surface);
         }
@@ -296,7 +291,7 @@ impl SelfContact {
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
     /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step, with `checks_all` the
     /// exact check looks at all cloth. The vertices that were moved go to `moved`, each with how far [m].
-    pub fn end_collision_step(
+    pub(crate) fn end_collision_step(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         bodies: &Bodies,
@@ -310,7 +305,7 @@ impl SelfContact {
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
-        let used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.end);
+        let used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.end);
         if duration > 0.0 {
             self.displacement_rate = (used - self.skin_used).max(0.0) / duration;
         }
@@ -358,7 +353,7 @@ impl SelfContact {
     /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
     /// before when it is done.
     fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> LoopOutcome {
-        let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
+        let Self { surface, search, proximity, geometric, paths, gap, .. } = self;
         let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return LoopOutcome::default() };
         let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
@@ -376,11 +371,11 @@ impl SelfContact {
             effort: self.effort,
         };
         let kept = collisions.surface.nodes().clone();
-        let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
+        let mut outcome = work.resolve(&mut collisions, proximity, search, paths, used, metrics);
         // Where another rank alone has new ghosts, this one sends more.
         if !surface.nodes().is_laid_out_as(&kept) {
             let renumber = surface.set_nodes(kept);
-            neighbours.renumber(&renumber, surface);
+            proximity.renumber(&renumber, surface);
             paths.renumber(&renumber);
             renumber.renumber(outcome.moved.iter_mut());
         }
@@ -390,11 +385,11 @@ impl SelfContact {
     /// What self-contact remembers at a collision-free state: the proximity list by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
     pub(crate) fn save(&self) -> SavedSection {
-        let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
+        let (reference, nodes) = (self.proximity.reference(), self.surface.nodes());
         let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
         let memory = SavedSection::new(SECTION)
             .with("wear", Field::Number(self.displacement_rate))
-            .with("list_reach", Field::Number(self.neighbours.full_skin()))
+            .with("list_reach", Field::Number(self.proximity.full_skin()))
             .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
         let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
@@ -457,7 +452,7 @@ impl SelfContact {
     }
 
     /// Puts the state back to the last collision-free one; of the positions, those of own vertices.
-    pub fn rewind(&self, state: &mut State) {
+    pub(crate) fn rewind(&self, state: &mut State) {
         if let Some(geometric) = &self.geometric {
             state.x[self.surface.place()].copy_from_slice(&self.paths.start[self.surface.nodes().own()]);
             state.v.copy_from_slice(&geometric.velocities);
@@ -466,7 +461,7 @@ impl SelfContact {
     }
 
     /// Whether geometric collisions keep the state free of crossings.
-    pub fn keeps_free(&self) -> bool {
+    pub(crate) fn keeps_free(&self) -> bool {
         self.geometric.is_some()
     }
 }

@@ -13,13 +13,13 @@ use crate::metrics::Metrics;
 
 impl SelfContact {
     /// B.2: repulsion of the velocities of the half step, over the scene's local vertices.
-    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+    pub(crate) fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         self.repel(Passes::Full, dt, x, v, metrics);
     }
 
     /// B.8: repulsion of the final velocities, without springs. Velocities of vertices on bodies have afterwards what the
     /// bodies have to bear.
-    pub fn final_velocity(
+    pub(crate) fn final_velocity(
         &mut self,
         dt: f64,
         x: &[Vec3],
@@ -32,10 +32,10 @@ impl SelfContact {
         }
         if let Some(bodies) = bodies {
             let nodes = self.surface.nodes();
-            self.supports.resize(nodes.cloth(), BodyConstraints::default());
-            bodies.supports(dt, &mut self.supports[nodes.own()]);
+            self.constraints.resize(nodes.cloth(), BodyConstraints::default());
+            bodies.supports(dt, &mut self.constraints[nodes.own()]);
             if !nodes.ranks().is_alone() {
-                tell_ghosts(nodes, &mut self.supports);
+                tell_ghosts(nodes, &mut self.constraints);
             }
         }
         self.repel(Passes::WithoutSprings, dt, x, v, metrics);
@@ -68,7 +68,7 @@ impl SelfContact {
     }
 
     /// Whether B.8 has pressed an own vertex against a body, by its place among these.
-    pub fn is_pressed(&self, vertex: usize) -> bool {
+    pub(crate) fn is_pressed(&self, vertex: usize) -> bool {
         let node = (self.surface.nodes().own().start + vertex) as u32;
         self.repulsions.as_ref().is_some_and(|repulsions| repulsions.is_pressed(node))
     }
@@ -76,12 +76,12 @@ impl SelfContact {
     fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         let Some(repulsions) = &mut self.repulsions else { return };
         let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
-        let bears = passes == Passes::WithoutSprings && !self.supports.is_empty();
-        let supports = bears.then_some(self.supports.as_slice());
+        let bears = passes == Passes::WithoutSprings && !self.constraints.is_empty();
+        let constraints = bears.then_some(self.constraints.as_slice());
         if nodes.ranks().is_alone() {
             repulsions.apply(
                 passes,
-                &RepulsionStep { nodes, dt, x, mobility: &self.mobility, friction, supports },
+                &RepulsionStep { nodes, dt, x, mobility: &self.mobility, friction, constraints },
                 v,
                 metrics,
             );
@@ -93,7 +93,7 @@ impl SelfContact {
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
         nodes.update(contact_x);
-        let at = RepulsionStep { nodes, dt, x: contact_x, mobility: &self.mobility, friction, supports };
+        let at = RepulsionStep { nodes, dt, x: contact_x, mobility: &self.mobility, friction, constraints };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
     }

@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_triangle_has_the_same_energy_and_turned_forces_and_neither_pushes_nor_turns_itself() {
+    fn a_turned_triangle_has_the_same_energy_turned_forces_and_no_force_or_torque_on_itself() {
         let ((_, gradients, _), moduli) = (at_rest(), Moduli::new(CLOTH, 0.3));
         let turn = Rotation3::new(Vec3::new(1.0, 2.0, -0.7));
         for x in deformed() {

@@ -4,7 +4,7 @@ use super::{Bvh, INNER, Node};
 
 /// A piece of the search for pairs. Pieces depend on the tree alone, never on who works on them.
 #[derive(Clone, Copy, Debug)]
-pub struct PairTask(Piece);
+pub(crate) struct PairTask(Piece);
 
 #[derive(Clone, Copy, Debug)]
 enum Piece {
@@ -17,17 +17,17 @@ enum Piece {
 impl Bvh {
     /// Calls `found(a, b)` with a < b once for every pair of primitives whose boxes overlap, and for some that only
     /// come close (primitives in overlapping leaves). The order depends on the tree: sort what you keep.
-    pub fn self_pairs(&self, mut found: impl FnMut(u32, u32)) {
+    pub(crate) fn self_pairs(&self, mut found: impl FnMut(u32, u32)) {
         self.pairs_below(0, &mut |p, q| found(p.min(q), p.max(q)));
     }
 
     /// At least `wanted` pieces of the search for the pairs of this tree, if it is large enough.
-    pub fn self_tasks(&self, wanted: usize) -> Vec<PairTask> {
+    pub(crate) fn self_tasks(&self, wanted: usize) -> Vec<PairTask> {
         self.split_until(vec![PairTask(Piece::Below(0))], self, wanted)
     }
 
     /// At least `wanted` pieces of the search for pairs of this tree with `other`, if they are large enough.
-    pub fn tasks_with(&self, other: &Bvh, wanted: usize) -> Vec<PairTask> {
+    pub(crate) fn tasks_with(&self, other: &Bvh, wanted: usize) -> Vec<PairTask> {
         let roots = |tree: &Bvh| tree.pairs[0].0;
         let all = roots(self).into_iter().flat_map(|a| roots(other).map(|b| PairTask(Piece::Between(a, b)))).collect();
         self.split_until(all, other, wanted)
@@ -35,7 +35,7 @@ impl Bvh {
 
     /// Works on one piece: `found(a, b)` with `a` of this tree and `b` of `other`, which is this tree again for the pieces
     /// of [`Bvh::self_tasks`].
-    pub fn pairs_of(&self, task: &PairTask, other: &Bvh, found: &mut impl FnMut(u32, u32)) {
+    pub(crate) fn pairs_of(&self, task: &PairTask, other: &Bvh, found: &mut impl FnMut(u32, u32)) {
         match &task.0 {
             Piece::Below(pair) => self.pairs_below(*pair, found),
             Piece::Between(a, b) => self.pairs_between(other, a, b, found),

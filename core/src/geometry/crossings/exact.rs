@@ -12,7 +12,7 @@ use crate::geometry::tolerances::SEPARATION;
 /// Whether the closed segment and the closed triangle have a point in common. Exact, and never a failure: triangles
 /// without area are the segments or points they are, and so are segments without length. Coordinates are finite.
 #[inline]
-pub fn segment_meets_triangle(segment: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
+pub(crate) fn segment_meets_triangle(segment: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
     !are_certainly_apart(segment, triangle) && decide(segment, triangle)
 }
 

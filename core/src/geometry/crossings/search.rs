@@ -7,7 +7,7 @@ use crate::geometry::tolerances::REBUILD_COST;
 
 /// Triangles with everything that a search for crossings needs, at their latest places.
 #[derive(Clone, Debug)]
-pub struct CrossingSearch {
+pub(crate) struct CrossingSearch {
     triangles: Vec<[u32; 3]>,
     owners: EdgeOwners,
     positions: Vec<Vec3>,
@@ -17,7 +17,7 @@ pub struct CrossingSearch {
 
 impl CrossingSearch {
     /// Takes triangles, whose vertices are in range, at their first places \[m\].
-    pub fn new(triangles: Vec<[u32; 3]>, positions: Vec<Vec3>) -> Self {
+    pub(crate) fn new(triangles: Vec<[u32; 3]>, positions: Vec<Vec3>) -> Self {
         let owners = EdgeOwners::new(&triangles);
         let tree = Bvh::build(&boxes(&triangles, &positions));
         let built_cost = tree.cost();
@@ -25,7 +25,7 @@ impl CrossingSearch {
     }
 
     /// Moves the vertices; as many as before.
-    pub fn place(&mut self, positions: impl IntoIterator<Item = Vec3>) {
+    pub(crate) fn place(&mut self, positions: impl IntoIterator<Item = Vec3>) {
         let count = self.positions.len();
         self.positions.clear();
         self.positions.extend(positions);
@@ -39,7 +39,7 @@ impl CrossingSearch {
     }
 
     /// The surface at its latest places.
-    pub fn surface(&self) -> Surface<'_> {
+    pub(crate) fn surface(&self) -> Surface<'_> {
         let Self { triangles, owners, positions, tree, .. } = self;
         Surface { triangles, owners, positions, tree }
     }

@@ -11,15 +11,14 @@ use crate::parallel::message::{Codec, Decoder, codec};
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, MergedVertex,
-    PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, Timeline,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, MergedVertex, PinAnchor,
+    PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, Timeline,
     WindGridShape,
 };
 use crate::settings::SettingValue;
 
 codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
 codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2 });
-codec!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
 codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });
@@ -86,7 +85,6 @@ mod tests {
         description.origin = Some(Vec3::new(1e5, 0.0, -3.0));
         description.solver.max_dt = Some(0.01);
         description.solver.integrator = Integrator::TrBdf2;
-        description.solver.body_friction = BodyFriction::PositionHalf;
         let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
         let mut garment = GarmentDescription::new("flag", mesh, 0.2);
         garment.start_velocities = Some(vec![Vec3::x(); 3]);

@@ -334,7 +334,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_is_repeated_flat_or_loose_is_left_out_and_named_and_the_rest_is_that_of_the_clean_mesh() {
+    fn repeated_flat_and_loose_parts_are_left_out_and_named_and_the_rest_is_the_clean_mesh() {
         let clean = sound(&POINTS[..4], &[&[0, 1, 2, 3]]);
         let (triangles, follows, warnings) = &clean;
         assert!(triangles.len() == 2 && warnings.is_empty() && follows.is_empty(), "{clean:?}");

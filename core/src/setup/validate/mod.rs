@@ -2,6 +2,7 @@
 //! (`crate::setup::mesh_checks::degenerate`), and nothing is repaired.
 
 mod maps_and_seams;
+mod unused;
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -27,6 +28,7 @@ use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh::{self, Received};
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
+use unused::check_unused;
 
 impl Scene {
     /// Checks a description and derives what does not change: triangulation, masses, parts; on one rank.
@@ -110,6 +112,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
     check_pins(description, &mut problems);
     check_seams(description, &mut problems);
     check_effects(description, &mut problems);
+    check_unused(description, &mut problems);
     problems
 }
 

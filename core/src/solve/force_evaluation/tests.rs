@@ -125,7 +125,7 @@ fn the_matrix_of_springs_that_stiffen_is_the_slope_of_their_force() {
 }
 
 #[test]
-fn the_matrix_of_a_membrane_that_stiffens_is_the_slope_of_its_force_where_it_is_stretched_and_not_turned() {
+fn the_matrix_of_a_stiffening_membrane_is_the_slope_of_its_force_where_it_is_not_turned() {
     for effect in stiffening("membrane", "warp") {
         let scene = scene(&[effect.with("weft", 90.0)]);
         let map = |by: [f64; 3]| -> Vec<Vec3> {

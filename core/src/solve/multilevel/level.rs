@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::runs;
 use crate::block_matrix::block::{Coefficients, full_block, stored_block};
 use crate::geometry::random::SplitMix64;
+use crate::long_steps::{EIGENVALUE_PRODUCTS, SMOOTHING};
 use crate::parallel::simd4::Simd4;
 use crate::solve::block_jacobi::BlockInverses;
 
@@ -38,13 +39,6 @@ pub(super) struct Level {
 
 /// Rows that a task works on. The tasks do not share a sum, so it changes no bit.
 const TASK: usize = 512;
-
-/// Products in the search for the largest eigenvalue.
-const EIGENVALUE_PRODUCTS: usize = 8;
-
-/// Weight of the smoother times the largest eigenvalue: what damps the upper two thirds of the spectrum best. The estimate may
-/// be too low by a third before 2, where smoothing would no longer be positive definite, is reached.
-const DAMPING: f64 = 4.0 / 3.0;
 
 impl Level {
     /// A matrix of zeros, by the number of couplings of each row and their other nodes.
@@ -141,7 +135,7 @@ impl Level {
             // No level has a smaller one; a level without a row has none.
             largest = length(&self.x).max(1.0);
         }
-        self.weight = DAMPING / largest;
+        self.weight = SMOOTHING / largest;
     }
 
     /// `r = b - A x`.

@@ -17,6 +17,7 @@ use nalgebra::Matrix3;
 
 use crate::block_matrix::BlockMatrix;
 use crate::block_matrix::block::stored_block;
+use crate::long_steps::{AGGREGATE, COARSER_AGGREGATE, DIRECT, OVERCORRECTION};
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::simd4::Simd4;
@@ -25,21 +26,6 @@ use crate::solve::pair_terms::PairTerms;
 use coarsest::Coarsest;
 use level::Level;
 use part_aggregates::PartAggregates;
-
-/// Vertices of an aggregate, by a quarter less or half more. Half of it takes hardly fewer iterations, and half as much time
-/// again for each.
-const AGGREGATE: usize = 8;
-
-/// Nodes of an aggregate of a coarser level, likewise.
-const COARSER_AGGREGATE: usize = 4;
-
-/// Largest number of nodes of a level that is solved directly, which takes as long as a product of 2000 vertices.
-const DIRECT: usize = 24;
-
-/// What corrections of coarser levels are multiplied by. Aggregates that move as one are stiffer than the cloth: D. Braess,
-/// "Towards algebraic multigrid for elliptic problems of second order", Computing 55, 1995, who takes 1.8. Smaller aggregates
-/// need less.
-const OVERCORRECTION: f64 = 1.5;
 
 /// All levels but that of the vertices.
 #[derive(Debug)]

@@ -279,7 +279,7 @@ fn iterations_hardly_grow_with_stiffness_and_mesh() {
 }
 
 #[test]
-fn a_step_of_newtons_method_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end() {
+fn a_newton_step_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end() {
     let sheet = Sheet::new(12, 1e4, 2);
     let system = SheetSystem::new(&sheet, &Ranks::default(), What::Some);
     let (parts, d, mut cg) = (&system.parts, direct(&sheet, What::Some), system.solver());

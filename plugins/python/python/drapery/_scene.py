@@ -319,9 +319,7 @@ class Shot:
 
     def _validate(self) -> list[SceneWarning]:
         warnings = self.warnings
-        of_pins = self._native.check_pins()
-        if of_pins is not None:
-            warnings.append(SceneWarning(None, "", of_pins, ""))
+        warnings += [SceneWarning(None, "", message, "") for message in self._native.check_pins()]
         for warning in warnings:
             _log.warning("%s", warning)
         return warnings

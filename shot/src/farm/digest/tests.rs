@@ -247,8 +247,8 @@ fn a_default_that_is_written_is_no_change_and_an_effect_with_defaults_alone_is_o
     let earlier: Fingerprint = serde_json::from_str(OF_EARLIER_PROGRAM).unwrap();
     let said = of_every_table("[gravity]", "[solver]\nsteps_per_frame = 8\n[gravity]");
     assert_eq!(compare(&earlier, &said), Changes::default());
-    let other = of_every_table("[gravity]", "[solver]\nsteps_per_frame = 9\n[gravity]");
-    assert_eq!(compare(&earlier, &other), only_forbidden("solver.steps_per_frame (nothing) -> 9"));
+    let other = of_every_table("[gravity]", "[solver]\nstrain_per_step = 0.2\n[gravity]");
+    assert_eq!(compare(&earlier, &other), only_forbidden("solver.strain_per_step 0.1 -> 0.2"));
     let without = of_every_table("[self_collision]", "");
     let added = compare(&without, &of_every_table("[gravity]", "[gravity]"));
     assert!(added.forbidden.iter().any(|change| change.starts_with("self_collision.")), "{added:?}");

@@ -7,15 +7,7 @@ use super::{BodyCollision, CACHED, CollisionStep, Counts, QueryCache, SEARCH_EDG
 use crate::Vec3;
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
-
-/// How far a vertex may be from where contact begins and still rest on a body, and how far it may go from it in the step, as
-/// shares of the distance at which it is in contact.
-const RESTING_GAP: f64 = 0.02;
-const LEAVING: f64 = 0.25;
-
-/// Gap of a vertex that a body bears, over the mean edge of the cloth. A vertex that slides on a curved body goes along the tangent and is
-/// off the body by s²/2R after a step, however thin the body is. Four times as much lets a stack of sheets bounce (H28).
-const SLID_OFF: f64 = 0.005;
+use crate::long_steps::{LEAVING, RESTING_GAP, SLID_OFF};
 
 /// See [`SLID_OFF`] [m]; `search` is the radius of the search.
 fn slid_off(search: f64) -> f64 {

@@ -9,12 +9,12 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::friction::coulomb;
 
 impl BodyCollision {
-    /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
+    /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load.
     /// The look-ahead is relative to the body (`docs/theory/friction.md#corrections`). `x` and `v` are those of own vertices;
     /// `concerns` tells which of them, by their places in it, this is about.
-    pub fn final_velocity(
+    pub(crate) fn final_velocity(
         &self,
-        (bodies, dt, rubs): (&Bodies, f64, bool),
+        (bodies, dt): (&Bodies, f64),
         concerns: &(impl Fn(usize) -> bool + Sync),
         (x, v): (&[Vec3], &mut [Vec3]),
     ) {
@@ -26,7 +26,7 @@ impl BodyCollision {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset && hold.is_met(bodies, x, v) {
                         let body = &bodies.list()[hold.body];
-                        let friction = if rubs { body.friction_on(self.painted.get(c * CHUNK + i)) } else { 0.0 };
+                        let friction = body.friction_on(self.painted.get(c * CHUNK + i));
                         *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
                     }
                 }

@@ -51,9 +51,9 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
         let (scene, x) = crumpled(&mut random);
         let mut surface = ContactSurface::new(&scene, 0.4);
         let mut search = PairSearch::new();
-        let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
-        assert!(neighbours.update_displacements(&surface, &x, &x).is_infinite(), "there is no list yet");
-        neighbours.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
+        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        assert!(proximity.update_displacements(&surface, &x, &x).is_infinite(), "there is no list yet");
+        proximity.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
         let all = all_pairs(&surface);
         for round in 0..5 {
             // Everything turns and falls together, and a little apart, up to the reach.
@@ -65,9 +65,9 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
                 x.iter().enumerate().map(|(i, x)| turn * x + shift + own(i, random)).collect()
             };
             let (start, end) = (moved(&mut random), moved(&mut random));
-            let displacement = neighbours.update_displacements(&surface, &start, &end);
-            assert!(displacement <= neighbours.skin(), "{displacement} in {}", neighbours.skin());
-            let mut found: Vec<Pair> = KINDS.iter().flat_map(|k| neighbours.list(*k)).map(|n| n.pair).collect();
+            let displacement = proximity.update_displacements(&surface, &start, &end);
+            assert!(displacement <= proximity.skin(), "{displacement} in {}", proximity.skin());
+            let mut found: Vec<Pair> = KINDS.iter().flat_map(|k| proximity.list(*k)).map(|n| n.pair).collect();
             found.sort_unstable();
             assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");
             let (mut close, mut least) = (0, f64::INFINITY);
@@ -81,8 +81,8 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
                     close += usize::from(distance <= reach);
                     if listed.is_ok() {
                         let same = |n: &&CandidatePair| n.pair == *pair;
-                        let neighbour = neighbours.list(pair.kind).iter().find(same).expect("it is in the list");
-                        least = least.min(distance - neighbours.distance_bound(neighbour));
+                        let neighbour = proximity.list(pair.kind).iter().find(same).expect("it is in the list");
+                        least = least.min(distance - proximity.distance_bound(neighbour));
                     }
                 }
             }

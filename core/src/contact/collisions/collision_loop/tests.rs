@@ -53,12 +53,12 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
             }
         }
     });
-    let (mut search, mut neighbours) = (PairSearch::new(), ProximityList::new(&surface, PairOrder::Any));
+    let (mut search, mut proximity) = (PairSearch::new(), ProximityList::new(&surface, PairOrder::Any));
     let mut start = heap.at(&surface, 0);
-    neighbours.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
+    proximity.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
     let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * displacement).collect();
     let mut paths = NodePaths { start, end };
-    let used = neighbours.update_displacements(&surface, &paths.start, &paths.end);
+    let used = proximity.update_displacements(&surface, &paths.start, &paths.end);
     let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
     let mut collisions = Collisions {
         surface: &mut surface,
@@ -70,7 +70,7 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
     };
     let mut metrics = Metrics::default();
     let mut work = CollisionLoop::default();
-    let resolution = work.resolve(&mut collisions, &mut neighbours, &mut search, &mut paths, used, &mut metrics);
+    let resolution = work.resolve(&mut collisions, &mut proximity, &mut search, &mut paths, used, &mut metrics);
     let nodes = surface.nodes();
     let mut refreshed = paths.end.clone();
     nodes.update(&mut refreshed);

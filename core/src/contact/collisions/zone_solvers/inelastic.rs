@@ -27,7 +27,7 @@ const SWEEPS: usize = 2;
 const MAX_PASSES: usize = 5000;
 
 /// The same for small zones: so many, and so many more for each contact. Those that need more hold contacts that nearly
-/// contradict each other, and are sooner made rigid than solved (`docs/dev/decisions/0007-self-contact.md`).
+/// contradict each other, and are sooner made rigid than solved (`docs/dev/decisions/0037-heaps.md`).
 const FEWEST_PASSES: usize = 200;
 
 /// See [`FEWEST_PASSES`].

@@ -85,6 +85,22 @@ fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
 }
 
 #[test]
+fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
+    let mut touching = CloseTriangles::new(PairKind::PointTriangle);
+    let edges: Vec<f64> = touching.pair.pair.nodes.map(|node| touching.surface.edge_length()[node as usize]).to_vec();
+    let edge = edges.iter().sum::<f64>() / 4.0;
+    // Area of a vertex in a mesh of equilateral triangles.
+    let area = 3.0_f64.sqrt() / 2.0 * edge * edge;
+    // 1 kPa o/H (1 + 3 (o/H)²), less 50 Pa of the onset over a tenth of the thickness, which is quadratic.
+    for (overlap, pressure) in [(0.05, 12.875), (0.5, 825.0), (0.9, 3037.0)] {
+        let distance = touching.force().expect("it is in touch").distance;
+        touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - distance));
+        let found = touching.force().expect("it is in touch").force.norm() / area;
+        assert!((found - pressure).abs() < 1e-6 * pressure, "{found} Pa at {overlap} of the thickness, not {pressure}");
+    }
+}
+
+#[test]
 fn a_pair_pushes_and_never_pulls() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
         let mut touching = CloseTriangles::new(kind);

@@ -1,6 +1,6 @@
 //! The figure of the history in `docs/theory/self_contact.md`: a corner that has passed through a triangle.
 
-use super::{LAWS, Laws, Passes, Pushed, THICKNESS, scenes};
+use super::{LAWS, Passes, Pushed, THICKNESS, scenes};
 use crate::testing::{Axes, Figure};
 
 /// Time step [s], and steps that are drawn.
@@ -8,11 +8,13 @@ const DT: f64 = 0.01;
 const STEPS: usize = 18;
 
 /// Time [s] and height of the corner over the plane of the triangle [thicknesses], which starts at `start` [m] with its side
-/// taken 25 mm above.
-fn heights(attraction: bool, start: f64) -> Vec<[f64; 2]> {
-    let laws = Laws { attraction, ..LAWS };
-    let mut pushed = Pushed::new(&scenes()[0], laws);
+/// taken 25 mm above, or, without history, where it starts.
+fn heights(has_history: bool, start: f64) -> Vec<[f64; 2]> {
+    let mut pushed = Pushed::new(&scenes()[0], LAWS);
     pushed.shift(start - 0.025);
+    if !has_history {
+        pushed.record();
+    }
     let height = |pushed: &Pushed| {
         let [a, b, c, corner] = [0, 1, 2, 3].map(|node| pushed.x[node]);
         (b - a).cross(&(c - a)).normalize().dot(&(corner - a)) / THICKNESS

@@ -18,7 +18,7 @@ struct Heap {
     v: Vec<Vec3>,
     mobility: Vec<f64>,
     /// Bodies under some of the nodes.
-    supports: Vec<BodyConstraints>,
+    constraints: Vec<BodyConstraints>,
 }
 
 impl Heap {
@@ -47,7 +47,7 @@ impl Heap {
             x: std::array::from_fn(|_| vectors(random)),
             v: vectors(random),
             mobility: (0..NODES).map(|i| if i % 9 == 0 { 0.0 } else { 2.0 + random.signed() }).collect(),
-            supports: (0..NODES).map(|i| support(random, i)).collect(),
+            constraints: (0..NODES).map(|i| support(random, i)).collect(),
         }
     }
 
@@ -83,16 +83,17 @@ impl Heap {
         let mobility: Vec<f64> = numbers.iter().map(|n| self.mobility[*n]).collect();
         let mut v: Vec<Vec3> = numbers.iter().map(|n| self.v[*n]).collect();
         // Those of ghosts come from their owners.
-        let own_supports = |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.supports[*n] } else { [None; 2] };
-        let mut supports: Vec<BodyConstraints> = numbers.iter().enumerate().map(own_supports).collect();
-        tell_ghosts(&nodes, &mut supports);
+        let own_supports =
+            |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.constraints[*n] } else { [None; 2] };
+        let mut constraints: Vec<BodyConstraints> = numbers.iter().enumerate().map(own_supports).collect();
+        tell_ghosts(&nodes, &mut constraints);
         let mut metrics = Metrics::default();
         for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
             let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
             // What ghosts had before must not matter.
             (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
-            let supports = (passes == Passes::WithoutSprings).then_some(supports.as_slice());
-            let at = RepulsionStep { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, supports };
+            let constraints = (passes == Passes::WithoutSprings).then_some(constraints.as_slice());
+            let at = RepulsionStep { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, constraints };
             repulsions.positions_changed();
             repulsions.apply(passes, &at, &mut v, &mut metrics);
         }

@@ -168,43 +168,43 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let mut surface = heap.surface(ranks, starts);
     let corners = surface.nodes().ghosts().len();
     let mut search = PairSearch::new();
-    let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
+    let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
     let (mut held, mut used) = ([Vec::new(), Vec::new()], Vec::new());
     for time in [0, 1] {
         let mut x = heap.at(&surface, time);
-        neighbours.rebuild(&mut surface, &mut search, &mut x, [0.3, 0.1][time], GAP);
+        proximity.rebuild(&mut surface, &mut search, &mut x, [0.3, 0.1][time], GAP);
         assert_eq!(x, heap.at(&surface, time), "positions follow the ghosts");
         assert!(heap.agrees(&surface));
         let end = heap.at(&surface, 2);
-        used.push(neighbours.update_displacements(&surface, &x, &x).to_bits());
-        used.push(neighbours.update_displacements(&surface, &x, &end).to_bits());
+        used.push(proximity.update_displacements(&surface, &x, &x).to_bits());
+        used.push(proximity.update_displacements(&surface, &x, &end).to_bits());
         let entry = |n: &CandidatePair| {
             let pair = surface.nodes().numbered(&n.pair);
-            (pair, n.distance.to_bits(), n.thickness.to_bits(), neighbours.distance_bound(n).to_bits())
+            (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
         };
-        held[time] = KINDS.iter().flat_map(|kind| neighbours.list(*kind)).map(entry).collect();
+        held[time] = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
     }
     let nodes = surface.nodes().clone();
-    let displacements = nodes.own().map(|node| neighbours.displacements[node].to_bits()).collect();
+    let displacements = nodes.own().map(|node| proximity.displacements[node].to_bits()).collect();
     let numbered = |pairs: &[Pair], surface: &ContactSurface| {
         let mut pairs: Vec<Pair> = pairs.iter().map(|pair| surface.nodes().numbered(pair)).collect();
         pairs.sort_unstable();
         pairs
     };
     let mut pairs = Vec::new();
-    neighbours.close_pairs(GAP, 0.02, &mut pairs);
+    proximity.close_pairs(GAP, 0.02, &mut pairs);
     let close = numbered(&pairs, &surface);
     let mut paths = NodePaths { start: heap.at(&surface, 2), end: heap.at(&surface, 3) };
-    search.swept_pairs(&mut surface, &mut neighbours, &mut paths, AROUND, &mut pairs);
+    search.swept_pairs(&mut surface, &mut proximity, &mut paths, AROUND, &mut pairs);
     let swept = numbered(&pairs, &surface);
     assert_eq!(paths.end, heap.at(&surface, 3));
     let renewed = [7, 3].map(|every| {
-        renew(every, heap, (&mut surface, &mut neighbours), (&mut search, &mut paths, &mut pairs));
+        renew(every, heap, (&mut surface, &mut proximity), (&mut search, &mut paths, &mut pairs));
         numbered(&pairs, &surface)
     });
     assert!(heap.agrees(&surface));
     let wide = surface.set_nodes(nodes);
-    neighbours.renumber(&wide, &surface);
+    proximity.renumber(&wide, &surface);
     paths.renumber(&wide);
     assert_eq!(paths.start, heap.at(&surface, 2), "ghosts that visitors brought are gone again");
     let after: Vec<Entry> = {
@@ -213,10 +213,10 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
                 surface.nodes().numbered(&n.pair),
                 n.distance.to_bits(),
                 n.thickness.to_bits(),
-                neighbours.distance_bound(n).to_bits(),
+                proximity.distance_bound(n).to_bits(),
             )
         };
-        KINDS.iter().flat_map(|kind| neighbours.list(*kind)).map(entry).collect()
+        KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect()
     };
     assert_eq!(after, held[1]);
     let mut check = |time: usize, moved: Option<u32>| {
@@ -238,7 +238,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
 fn renew(
     every: u32,
     heap: &Heap,
-    (surface, neighbours): (&mut ContactSurface, &mut ProximityList),
+    (surface, proximity): (&mut ContactSurface, &mut ProximityList),
     (search, paths, pairs): (&mut PairSearch, &mut NodePaths, &mut Vec<Pair>),
 ) {
     let elsewhere = heap.at(surface, 1);
@@ -249,10 +249,10 @@ fn renew(
         paths.end[node] = elsewhere[node];
         left[node] = u8::from(nodes.own().contains(&node));
     }
-    search.update_swept_pairs(surface, neighbours, paths, AROUND, SweptPairs { left: &mut left, found: pairs });
+    search.update_swept_pairs(surface, proximity, paths, AROUND, SweptPairs { left: &mut left, found: pairs });
     let (mut anew, mut others) = (PairSearch::new(), Vec::new());
     // Another tree may import more.
-    if let Some(renumber) = anew.swept_pairs(surface, neighbours, paths, AROUND, &mut others) {
+    if let Some(renumber) = anew.swept_pairs(surface, proximity, paths, AROUND, &mut others) {
         renumber.renumber(pairs.iter_mut().flat_map(|pair| &mut pair.nodes));
     }
     pairs.sort_unstable();

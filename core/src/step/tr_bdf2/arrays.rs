@@ -2,8 +2,8 @@
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
-use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::repulsion::pair_forces::PairForce;
+use crate::long_steps::SETTLED_PAIR;
 use crate::parallel::parts::Parts;
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
@@ -11,10 +11,9 @@ use crate::step::StepReport;
 
 /// Arrays of the implicit step; made once.
 #[derive(Debug)]
-pub struct StageArrays {
+pub(crate) struct StageArrays {
     pub(super) matrix: BlockMatrix,
     pub(super) cg: PreconditionedCg,
-    pub(super) active: ActiveSet,
     /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
     pub(super) v_start: Vec<Vec3>,
     /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
@@ -36,10 +35,6 @@ pub struct StageArrays {
     pub(super) unsettled_vertices: Option<Vec<u32>>,
 }
 
-/// Change of the distance of a pair in the last round of a stage from which on the pair is unsettled, over its thickness: how hard it
-/// pushes is not known then.
-const SETTLED_PAIR: f64 = 0.5;
-
 impl StageArrays {
     /// Pairs whose distance the last solve has changed so much, in a step of `dt` [s], that the stage is not settled.
     pub(super) fn unsettled(&self, dt: f64) -> impl Iterator<Item = &PairForce> {
@@ -55,7 +50,7 @@ impl StageArrays {
     }
 
     /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
-    pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
+    pub(crate) fn new(parts: &Parts, forces: &mut PartForces) -> Self {
         let matrix = BlockMatrix::new(parts, &|part, visit| {
             forces[part].iter().for_each(|force| force.visit_elements(visit));
         });
@@ -67,7 +62,6 @@ impl StageArrays {
         Self {
             matrix,
             cg,
-            active: ActiveSet::default(),
             v_start: local.clone(),
             x: local.clone(),
             v: local.clone(),
@@ -83,12 +77,11 @@ impl StageArrays {
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let vectors = 5 * self.x.len() + 3 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()
             + self.matrix.bytes()
             + self.cg.bytes()
-            + self.active.bytes()
     }
 }

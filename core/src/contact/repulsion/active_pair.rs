@@ -17,7 +17,7 @@ pub(super) struct OrientedPair {
 
 /// A pair as the laws see it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ActiveContact {
+pub(super) struct ActivePair {
     pub(super) nodes: [u32; 4],
     pub(super) weights: [f64; 4],
     pub(super) normal: Vec3,
@@ -30,15 +30,15 @@ pub(super) struct ActiveContact {
     pub(super) friction: f64,
 }
 
-impl ActiveContact {
+impl ActivePair {
     /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
     /// not give way.
-    pub(super) fn stiffer_on_bodies(&self, supports: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+    pub(super) fn stiffer_on_bodies(&self, constraints: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
         // Of each side: nodes with positive weight are pushed along the normal, the others against it.
         let mut firm = [0.0; 2];
         for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
             let direction = self.normal * weight.signum();
-            let share = share_borne_by_bodies(&supports[node as usize], v, &direction);
+            let share = share_borne_by_bodies(&constraints[node as usize], v, &direction);
             firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
         }
         // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
@@ -52,8 +52,8 @@ impl ActiveContact {
 pub(super) struct PairsOfKind {
     pub(super) oriented: Vec<OrientedPair>,
     pub(super) order: Order,
-    /// One entry for each of `sided`, in the order of their colours.
-    pub(super) contacts: Vec<Option<ActiveContact>>,
+    /// One entry for each of `oriented`, in the order of their colours.
+    pub(super) contacts: Vec<Option<ActivePair>>,
     /// The active ones.
     pub(super) live: Vec<u32>,
     pub(super) live_order: Order,

@@ -1,0 +1,94 @@
+//! Tuned numbers of the implicit step, of its contact and of its solves. Each says what it means, what it scales with, and the test
+//! that fails when it is wrong.
+
+// Rounds of a stage.
+
+/// Solves of a stage, each with the contact modes that the reactions of the solve before have shown to be right. A mode that is wrong
+/// after the last one is corrected in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const MOST_ROUNDS: usize = 4;
+
+/// Most solves of a stage in which the last one has left a pair unsettled. A step with a stage that has not settled after all of them
+/// has gone wrong and is taken back. Guarded by `layers_with_one_step_a_frame_never_cross`.
+pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
+
+/// Share of the reactions of bodies that may be beyond Coulomb's law at the end of the first stage, the second, and B.5. The later ones
+/// correct what the earlier ones leave. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const SETTLED: [f64; 3] = [0.1, 0.05, 0.01];
+
+/// Share of the reactions of bodies beyond Coulomb's law at the end of a step above which the step is counted. Guarded by
+/// `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const WRONG: f64 = 0.02;
+
+/// Change of a pair's distance in the last round of a stage above which the pair is unsettled, over its thickness: its force is not
+/// known then. Guarded by `layers_with_one_step_a_frame_never_cross`.
+pub(crate) const SETTLED_PAIR: f64 = 0.5;
+
+/// Cap on the extrapolated displacement per stage, in mean edge lengths. After an impact the acceleration before is a bad prediction.
+/// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
+pub(crate) const EXTRAPOLATED: f64 = 0.04;
+
+/// Change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for an error of the
+/// first solve rather than for a wrong mode, over the tolerance of solves. Guarded by `calm_cloth_is_never_tried_again`.
+pub(crate) const ROUGH: f64 = 10.0;
+
+// Contact.
+
+/// Pressure at which a pair that yields by all of its thickness would push if its spring were linear [Pa]. Guarded by
+/// `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
+pub(crate) const PRESSURE: f64 = 1000.0;
+
+/// Force of a pair over the force of a linear spring at full overlap: the spring stiffens with the square of the overlap, so that
+/// waistbands, which press with kilopascals, keep a distance too. Guarded by `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
+pub(crate) const STIFFENING: f64 = 4.0;
+
+/// Overlap over the thickness up to which the spring's stiffness grows from nothing. With all of it at the first touch, pairs of sheets
+/// that slide on each other came and went from round to round. Guarded by `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
+pub(crate) const ONSET: f64 = 0.1;
+
+/// Gap up to which a vertex rests on a body, as a share of the distance at which it is in contact. Guarded by
+/// `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const RESTING_GAP: f64 = 0.02;
+
+/// Distance that a resting vertex may go from its body in a step, as a share of the distance at which it is in contact. Guarded by
+/// `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const LEAVING: f64 = 0.25;
+
+/// Gap of a vertex that a body bears, over the mean edge of the cloth. A vertex that slides on a curved body goes along the tangent and is
+/// off the body by s²/2R after a step, however thin the body is. Four times as much lets a stack of sheets bounce (hard case H28).
+/// Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+pub(crate) const SLID_OFF: f64 = 0.005;
+
+/// Farthest that collisions may move a vertex in a step, over the edges around it: the velocities of a step that ended farther off do
+/// not go with its positions, and throw the cloth that lies on the vertex. Guarded by
+/// `steps_far_too_long_are_tried_again_with_shorter_ones_and_counted`.
+pub(crate) const LARGEST_CORRECTION: f64 = 0.05;
+
+// Solves.
+
+/// Largest share of an error that a solve of a round leaves. Guarded by
+/// `a_newton_step_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end`.
+pub(crate) const FORCING: f64 = 0.1;
+
+/// Vertices of an aggregate, by a quarter less or half more. Half of it takes hardly fewer iterations, and half as much time
+/// again for each. Guarded by `runs_cover_everything_and_have_about_the_size_asked_for`.
+pub(crate) const AGGREGATE: usize = 8;
+
+/// Nodes of an aggregate of a coarser level, likewise. Guarded by `iterations_hardly_grow_with_stiffness_and_mesh`.
+pub(crate) const COARSER_AGGREGATE: usize = 4;
+
+/// Largest number of nodes of a level that is solved directly, which takes as long as a product of 2000 vertices. Guarded by
+/// `iterations_hardly_grow_with_stiffness_and_mesh`.
+pub(crate) const DIRECT: usize = 24;
+
+/// Factor of corrections of coarser levels. Aggregates that move as one are stiffer than the cloth: D. Braess, "Towards algebraic
+/// multigrid for elliptic problems of second order", Computing 55, 1995, who takes 1.8. Smaller aggregates need less. Guarded by
+/// `iterations_hardly_grow_with_stiffness_and_mesh`.
+pub(crate) const OVERCORRECTION: f64 = 1.5;
+
+/// Products in the search for the largest eigenvalue of a level. Guarded by `the_cycle_is_symmetric_and_positive_definite`.
+pub(crate) const EIGENVALUE_PRODUCTS: usize = 8;
+
+/// Weight of the smoother times the largest eigenvalue: the best for the upper two thirds of the spectrum. The estimate may be too low by
+/// a third before 2, where smoothing would no longer be positive definite, is reached. Guarded by
+/// `the_cycle_is_symmetric_and_positive_definite`.
+pub(crate) const SMOOTHING: f64 = 4.0 / 3.0;

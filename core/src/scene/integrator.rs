@@ -1,0 +1,104 @@
+//! The integrators: a row for each with everything that other rooms ask of it. Its listing is in `crate::step`.
+
+use crate::settings::choice;
+
+choice! {
+    /// How elastic forces enter the two solves of a step; see `docs/theory/step.md` and `docs/theory/tr_bdf2.md`.
+    pub enum Integrator {
+        // `docs/theory/step.md`.
+        /// The paper's step: explicit, with implicit damping. Of second order; elastic forces limit the time step.
+        SemiImplicit = "semi_implicit",
+        // `docs/theory/tr_bdf2.md`.
+        /// Long steps: all that resists motion is implicit, so that stiffness does not limit the time step. Of second order,
+        /// and stiff motion dies out.
+        TrBdf2 = "tr_bdf2",
+    }
+}
+
+/// Where self-repulsion acts in a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RepulsionPlace {
+    /// By impulses in B.2 and B.8, as in the paper.
+    Impulses,
+    /// By forces in the solves of B.1 and B.5.
+    Solves,
+}
+
+/// What an integrator asks of the other rooms.
+#[derive(Debug, Clone, Copy)]
+pub struct IntegratorSpec {
+    /// True if elastic forces are part of the solves: their stiffness does not limit the time step, fabrics may follow a tensile
+    /// curve, and the length of a step comes from `steps_per_frame`.
+    pub is_implicit: bool,
+    /// Where self-repulsion acts.
+    pub repulsion: RepulsionPlace,
+    /// True if a step predicts with the acceleration of the last one, which checkpoints keep.
+    pub keeps_acceleration: bool,
+    /// Largest relative change of an edge's length in one step where the scene says none: short steps are shortened for stability,
+    /// long ones for motion that they could not follow.
+    pub strain_per_step: f64,
+    /// Added to [`crate::SOLVER_VERSION`] in scenes with this integrator; raised where a change leaves the results of all others
+    /// alone.
+    pub version: u32,
+    /// Keys of `[solver]` that have no effect with it.
+    pub unused: &'static [UnusedKey],
+}
+
+/// A key of `[solver]` that has no effect with an integrator.
+#[derive(Debug, Clone, Copy)]
+pub struct UnusedKey {
+    /// The key.
+    pub key: &'static str,
+    /// The reason.
+    pub because: &'static str,
+    /// The line of a scene to write instead.
+    pub instead: &'static str,
+}
+
+/// Rows, in the order of [`Integrator`].
+static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
+    IntegratorSpec {
+        is_implicit: false,
+        repulsion: RepulsionPlace::Impulses,
+        keeps_acceleration: false,
+        strain_per_step: 0.1,
+        version: 0,
+        unused: &[UnusedKey {
+            key: "steps_per_frame",
+            because: "elastic forces choose the steps of `semi_implicit`",
+            instead: "cfl = 2 for shorter steps, or integrator = \"tr_bdf2\"",
+        }],
+    },
+    IntegratorSpec {
+        is_implicit: true,
+        repulsion: RepulsionPlace::Solves,
+        keeps_acceleration: true,
+        strain_per_step: 0.5,
+        version: 6,
+        unused: &[UnusedKey {
+            key: "cfl",
+            because: "`steps_per_frame` chooses the steps of `tr_bdf2`",
+            instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
+        }],
+    },
+];
+
+impl Integrator {
+    /// All of them, in the order of their words.
+    pub const ALL: [Self; Self::WORDS.len()] = [Self::SemiImplicit, Self::TrBdf2];
+
+    /// The row of this integrator.
+    pub fn spec(self) -> &'static IntegratorSpec {
+        &SPECS[self as usize]
+    }
+
+    /// The integrator of a word.
+    pub fn find(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|integrator| integrator.word() == word)
+    }
+
+    /// Its word in a scene.
+    pub fn word(self) -> &'static str {
+        Self::WORDS[self as usize].name
+    }
+}

@@ -1,0 +1,195 @@
+//! Newton's method with active contacts: the rounds of solves of a stage (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
+
+use super::ALPHA;
+use super::arrays::StageArrays;
+use super::parts::{PairsInTouch, parts_moved, parts_touched};
+use super::stages::{Stage, Stages};
+use crate::Vec3;
+use crate::contact::bodies::active_set::{ActiveContact, Judges, StageEnd, Trust};
+use crate::contact::repulsion::pair_forces::note_solution;
+use crate::contact::self_contact::SelfContact;
+use crate::long_steps::{MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, SETTLED};
+use crate::solve::conjugate_gradient::Outcome;
+use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
+
+impl Stages<'_> {
+    /// The forces of pairs in touch where the stage stands, at a fraction of the step, times `duration` [s], are added to `impulses`
+    /// of the own vertices that are worked on [N s].
+    pub(super) fn add_pair_impulses(&mut self, fraction: f64, duration: f64, impulses: &mut [Vec3]) {
+        let Some(contact) = &mut self.repulsion else { return };
+        let StageArrays { x, v, pairs, unconverged, .. } = &mut *self.arrays;
+        *pairs = contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
+        let (own, parts) = (contact.nodes().own(), self.at.parts);
+        for pair in &*pairs {
+            for (node, weight) in pair.nodes.iter().zip(pair.weights) {
+                let vertex = (*node as usize).wrapping_sub(own.start);
+                if vertex < own.len() && unconverged[parts.part_of(vertex + parts.own().start)] {
+                    impulses[vertex] += pair.force * (weight * duration);
+                }
+            }
+        }
+    }
+
+    /// Adds what pairs in touch give where the stage stands to its residual, and takes them into the matrix.
+    ///
+    /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
+    /// alone, for all of its length.
+    fn add_pairs(&mut self, stage: Stage) {
+        let (share, alpha) = (stage.share_of_pairs(), ALPHA * self.at.dt);
+        let mut residual = std::mem::take(&mut self.arrays.residual);
+        self.add_pair_impulses(stage.fraction(), share * alpha, &mut residual);
+        self.arrays.residual = residual;
+        if let Some(contact) = &self.repulsion {
+            let StageArrays { cg, pairs, .. } = &mut *self.arrays;
+            cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, alpha]);
+        }
+    }
+
+    /// Whether some rank has a part to work on. All ranks call it together.
+    pub(super) fn is_unconverged(&self) -> bool {
+        self.at.parts.ranks().any(self.arrays.unconverged.contains(&true))
+    }
+
+    /// The parts in which the last change of velocities was more than `far` [m/s].
+    pub(super) fn parts_moved(&self, far: f64) -> Vec<bool> {
+        let StageArrays { matrix, change, pairs, .. } = &*self.arrays;
+        let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes() });
+        parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
+    }
+
+    /// The parts that touch something.
+    fn parts_touched(&self) -> Vec<bool> {
+        let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
+        let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes });
+        parts_touched(self.at.parts, self.active, touch.as_ref())
+    }
+
+    /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that
+    /// are in touch where the solve comes to.
+    pub(super) fn solve(&mut self, stage: Stage) -> Outcome {
+        let alpha = ALPHA * self.at.dt;
+        let at = self.at;
+        self.set_residual(stage);
+        self.add_pairs(stage);
+        let mut total = Outcome::NONE;
+        let is_whole = stage != Stage::SecondAgain;
+        let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
+        let bears = at.parts.ranks().any(is_touched);
+        let rough = ROUGH * at.stop.tolerance;
+        let mut forcing = Forcing::new(rough);
+        for round in 1.. {
+            let prescription = at.with(self.active);
+            let StageArrays { matrix, cg, residual, change, x, v, unconverged, pairs, .. } = &mut *self.arrays;
+            let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
+            let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };
+            // Coarse levels of the stage's first round serve the others: these solve for a share of the parts, and take up to half as
+            // many iterations more than with levels of their own, which would cost more than they do.
+            if is_whole && round == 1 {
+                cg.prepare(&system);
+            } else {
+                cg.prepare_finest(&system);
+            }
+            let outcome = if bears {
+                cg.newton_step(&system, residual, change, at.stop, &mut forcing)
+            } else {
+                cg.solve(&system, residual, change, at.stop)
+            };
+            total.solves += outcome.solves;
+            total.iterations += outcome.iterations;
+            // What a round has left is the next one's.
+            total.converged = outcome.converged;
+            total.finite &= outcome.finite;
+            total.worse |= outcome.worse;
+            let factors = [stage.share_of_pairs(), alpha];
+            note_solution(pairs, cg.pairs_mut().products(), factors);
+            for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
+                *v += change;
+                *x += change * alpha;
+            }
+            if !bears {
+                self.arrays.unconverged.fill(false);
+                break;
+            }
+            let moved = self.parts_moved(rough);
+            let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
+            let is_exact = stage != Stage::SecondAgain || self.active.is_settled();
+            let is_last = round >= MOST_ROUNDS && !is_unsettled && is_exact;
+            if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
+                if is_unsettled {
+                    self.note_unsettled();
+                }
+                self.arrays.unconverged = moved;
+                break;
+            }
+            self.next_round(stage, moved, (round == 1).then_some(rough));
+            if !self.is_unconverged() {
+                break;
+            }
+        }
+        total
+    }
+
+    /// Stops vertices whose slip has turned round in a stage of B.1, and catches those that have come back into the body that had let
+    /// them go. In B.5 positions are given.
+    fn turn(&mut self, stage: Stage) {
+        if stage == Stage::SecondAgain {
+            return;
+        }
+        let (at, StageArrays { x, v, .. }) = (self.at, &mut *self.arrays);
+        // A vertex that stops within the step may move back at its end. Its displacement says where Coulomb's law leaves it.
+        let judges = if stage == Stage::Second { Judges::Positions } else { Judges::Velocities };
+        let (start, fraction) = (&*at.start.x, stage.fraction());
+        let any = self.active.turn(&StageEnd { start, fraction, dt: at.dt, alpha: ALPHA * at.dt, judges }, x, v);
+        if at.parts.ranks().any(any) {
+            // Pins decide where both hold.
+            let prescription = at.with(self.active);
+            prescription.set_velocities(v, |_, _| ());
+            prescription.set_positions(fraction, start, x);
+        }
+    }
+
+    /// Notes that pairs of the stage are unsettled, and their own vertices.
+    fn note_unsettled(&mut self) {
+        let Some(contact) = &self.repulsion else { return };
+        let nodes = contact.nodes();
+        let of_pairs = self.arrays.unsettled(self.at.dt).flat_map(|pair| pair.nodes);
+        let own = of_pairs.filter(|node| nodes.is_own(*node)).map(|node| nodes.number(node)).collect();
+        self.arrays.unsettled_vertices.get_or_insert_default().append(&mut { own });
+    }
+
+    /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
+    /// they bear there. It is for the parts that have moved far, and for those whose contacts are not settled; after a first, rough
+    /// solve, which is right to `rough` [m/s], for all that touch something.
+    fn next_round(&mut self, stage: Stage, moved: Vec<bool>, rough: Option<f64>) {
+        let (at, alpha) = (self.at, ALPHA * self.at.dt);
+        let touched = self.parts_touched();
+        self.turn(stage);
+        // What contacts bear has changed where they were solved for.
+        let solved = &mut self.arrays.unconverged;
+        for ((solved, moved), touched) in solved.iter_mut().zip(&moved).zip(&touched) {
+            *solved = *moved || (*solved && *touched);
+        }
+        self.evaluate(stage.fraction(), true);
+        self.set_residual(stage);
+        self.add_pairs(stage);
+        let StageArrays { residual, v_start, x, unconverged, .. } = &mut *self.arrays;
+        let restart = |contact: &ActiveContact| {
+            if stage != Stage::First {
+                return Vec3::zeros();
+            }
+            let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
+            let change = start - v_start[contact.vertex];
+            v_start[contact.vertex] = start;
+            x[contact.vertex] += change * alpha;
+            change * at.masses[contact.vertex]
+        };
+        // Modes that only a rough solve shows to be wrong are looked at again.
+        let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: SETTLED[stage as usize] };
+        let unsettled = self.active.update(at.parts, residual, trust, restart);
+        at.parts.halo().update(at.parts.ranks(), x);
+        let next = moved.into_iter().zip(touched).zip(unsettled);
+        for (unconverged, ((moved, touched), unsettled)) in unconverged.iter_mut().zip(next) {
+            *unconverged &= moved || (rough.is_some() && touched) || unsettled;
+        }
+    }
+}
