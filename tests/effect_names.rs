@@ -1,12 +1,11 @@
 //! Where code names an effect as a text although it is not that effect's own: what is known of an effect ought to stand in its
 //! room.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use drapery_core::effects::LISTED;
 
-use crate::source_text::{code_only, without_tests};
+use crate::source_text::without_tests;
 
 /// Folders of the code that a shot runs through.
 const FOLDERS: [&str; 5] = ["core/src", "io/src", "shot/src", "analysis/src", "cli/src"];
@@ -14,80 +13,39 @@ const FOLDERS: [&str; 5] = ["core/src", "io/src", "shot/src", "analysis/src", "c
 /// The rooms of effects.
 const ROOMS: &str = "core/src/effects";
 
+/// Files that exist in tests alone.
+const OF_TESTS: [&str; 4] = ["tests", "testing", "effects_tests", "planted_errors"];
+
 /// The files of a checkout that name effects outside the effects' own rooms, below its root, each with how often.
 pub fn named_outside_their_rooms(root: &Path) -> Vec<(PathBuf, usize)> {
-    let is_listed = |stem: &str| LISTED.iter().any(|(name, _)| *name == stem);
-    let is_room = |path: &Path| {
-        let first = path.strip_prefix(ROOMS).ok().and_then(|path| path.iter().next());
-        first.is_some_and(|name| is_listed(name.to_string_lossy().trim_end_matches(".rs")))
-    };
-    // An effect of this program alone: an older checkout may not have it.
-    let effects: BTreeSet<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| has_room(root, name)).collect();
-    named_outside(root, &effects, is_room)
-}
-
-/// The files of a checkout, without those of rooms, in which code has one of these words as a text, below its root, each with how
-/// often.
-pub fn named_outside(root: &Path, words: &BTreeSet<&str>, is_room: impl Fn(&Path) -> bool) -> Vec<(PathBuf, usize)> {
-    let files = FOLDERS.iter().flat_map(|folder| rust_files(&root.join(folder)));
-    let below = |path: PathBuf| path.strip_prefix(root).map(Path::to_owned).ok();
-    let count = |path: PathBuf| {
-        let text = std::fs::read_to_string(root.join(&path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        let names = names(&text, words);
-        (path, names)
-    };
-    files.filter_map(below).filter(|path| !is_room(path)).map(count).filter(|(_, names)| *names > 0).collect()
-}
-
-fn has_room(root: &Path, effect: &str) -> bool {
-    let room = root.join(ROOMS).join(effect);
-    room.is_dir() || room.with_extension("rs").is_file()
-}
-
-/// Number of texts in code, without that of tests, which are the name of an effect.
-fn names(text: &str, effects: &BTreeSet<&str>) -> usize {
-    let text = without_tests(text);
-    let code = code_only(text);
-    let blanked: Vec<bool> = code.chars().map(|c| c == ' ').collect();
-    let chars: Vec<char> = text.chars().collect();
-    let is_text = |effect: &str, at: usize| {
-        let quoted: Vec<char> = format!("\"{effect}\"").chars().collect();
-        // A comment is blanked with the blanks before it; a text begins right behind code.
-        chars[at..].starts_with(&quoted) && blanked[at] && !is_in_comment(&chars, at)
-    };
-    (0..chars.len()).filter(|at| chars[*at] == '"' && effects.iter().any(|effect| is_text(effect, *at))).count()
-}
-
-/// Whether the line has a comment before a place.
-fn is_in_comment(chars: &[char], at: usize) -> bool {
-    let start = chars[..at].iter().rposition(|c| *c == '\n').map_or(0, |n| n + 1);
-    chars[start..at].windows(2).any(|pair| pair == ['/', '/'])
-}
-
-/// Rust files below a folder, without those that exist in tests alone.
-fn rust_files(folder: &Path) -> Vec<PathBuf> {
-    let (mut found, mut tests) = (Vec::new(), BTreeSet::new());
-    let entries: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
-    for path in &entries {
-        if path.is_dir() {
-            found.extend(rust_files(path));
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let text = std::fs::read_to_string(path).unwrap_or_default();
-            tests.extend(test_modules(&text).map(|name| folder.join(name).with_extension("rs")));
-            found.push(path.clone());
-        }
-    }
-    found.retain(|path| !tests.contains(path) && !path.ends_with("tests.rs"));
+    let mut found = Vec::new();
+    FOLDERS.iter().for_each(|folder| collect(root, Path::new(folder), &mut found));
     found.sort();
     found
 }
 
-/// Names of the modules in files of their own that a file declares for tests.
-fn test_modules(text: &str) -> impl Iterator<Item = &str> {
-    text.split("#[cfg(test)]\n").skip(1).filter_map(|rest| {
-        let line = rest.lines().next()?.trim_start().trim_start_matches("pub(crate) ");
-        line.strip_prefix("mod ")?.strip_suffix(';')
-    })
+fn collect(root: &Path, folder: &Path, found: &mut Vec<(PathBuf, usize)>) {
+    for entry in std::fs::read_dir(root.join(folder)).into_iter().flatten().flatten() {
+        let path = folder.join(entry.file_name());
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let is_own = folder == Path::new(ROOMS) && LISTED.iter().any(|(name, _)| *name == stem);
+        if is_own || OF_TESTS.contains(&&*stem) {
+            continue;
+        }
+        if entry.path().is_dir() {
+            collect(root, &path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = std::fs::read_to_string(entry.path()).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            found.extend(Some(names(&text)).filter(|times| *times > 0).map(|times| (path, times)));
+        }
+    }
+}
+
+/// Number of texts in code, without comments and tests, which are the name of an effect.
+fn names(text: &str) -> usize {
+    let code = without_tests(text).lines().filter_map(|line| line.split("//").next());
+    let texts = code.flat_map(|line| line.split('"').skip(1).step_by(2));
+    texts.filter(|text| LISTED.iter().any(|(name, _)| name == text)).count()
 }
 
 #[cfg(test)]
@@ -96,14 +54,8 @@ mod tests {
 
     #[test]
     fn effects_are_counted_in_code_but_not_in_comments_texts_and_tests() {
-        let effects = BTreeSet::from(["wind", "pins"]);
-        let count = |text: &str| names(text, &effects);
-        assert_eq!(count("let a = (\"wind\", \"pins\", \"winds\");\nf(x == \"pins\");"), 3);
-        assert_eq!(count("// \"wind\"\n/// see \"pins\"\nlet a = 1; // \"wind\""), 0);
-        assert_eq!(count("let a = \"the wind\";\n#[cfg(test)]\nmod tests {\n    let b = \"wind\";\n}\n"), 0);
-        assert_eq!(
-            test_modules("#[cfg(test)]\nmod a;\n#[cfg(test)]\nuse b;\n#[cfg(test)]\npub(crate) mod c;").count(),
-            2
-        );
+        assert_eq!(names("let a = (\"wind\", \"pressure\", \"winds\");\nf(x == \"pressure\");"), 3);
+        assert_eq!(names("// \"wind\"\n/// see \"pressure\"\nlet a = 1; // \"wind\""), 0);
+        assert_eq!(names("let a = \"the wind\";\n#[cfg(test)]\nmod tests {\n    let b = \"wind\";\n}\n"), 0);
     }
 }

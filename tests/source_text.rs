@@ -69,54 +69,6 @@ pub fn without_tests(code: &str) -> &str {
     module.min().map_or(code, |end| &code[..end])
 }
 
-/// A function: its name, its first line (from 1) and its number of lines.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Function {
-    /// Its name.
-    pub name: String,
-    /// Its first line, from 1.
-    pub line: usize,
-    /// How many lines it has.
-    pub lines: usize,
-}
-
-/// All functions with a body, of code without comments and texts.
-pub fn functions(code: &str) -> Vec<Function> {
-    let mut found = Vec::new();
-    let mut from = 0;
-    while let Some(offset) = code[from..].find("fn ") {
-        let start = from + offset;
-        from = start + 3;
-        if code[..start].chars().next_back().is_some_and(is_word) {
-            continue;
-        }
-        let name: String = code[from..].chars().take_while(|c| is_word(*c)).collect();
-        if let Some(end) = end_of_body(code, from).filter(|_| !name.is_empty()) {
-            let line = 1 + code[..start].matches('\n').count();
-            let lines = 1 + code[start..end].matches('\n').count();
-            found.push(Function { name, line, lines });
-        }
-    }
-    found
-}
-
-/// End of the braces that follow a signature; `None` for a declaration.
-fn end_of_body(code: &str, from: usize) -> Option<usize> {
-    let (mut braces, mut brackets) = (0_usize, 0_usize);
-    for (i, c) in code[from..].char_indices() {
-        match c {
-            '(' | '[' => brackets += 1,
-            ')' | ']' => brackets = brackets.saturating_sub(1),
-            ';' if braces == 0 && brackets == 0 => return None,
-            '{' => braces += 1,
-            '}' if braces == 1 => return Some(from + i + 1),
-            '}' => braces = braces.saturating_sub(1),
-            _ => {}
-        }
-    }
-    None
-}
-
 /// Numbers in code that are written with a negative power of ten, and their lines.
 pub fn small_numbers(code: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
@@ -145,13 +97,6 @@ mod tests {
         assert!(code.contains("&'static str"));
         assert!(!code.contains("fn") && !code.contains('{'));
         assert_eq!(code.matches('\n').count(), 1);
-    }
-
-    #[test]
-    fn functions_are_measured_and_declarations_are_not() {
-        let code = "trait T { fn a(x: [u8; 3]) -> u8; }\nfn b<'a>() -> [u8; 2] {\n    if x { y }\n}\nfn c() {}\n";
-        let function = |name: &str, line, lines| Function { name: name.into(), line, lines };
-        assert_eq!(functions(code), [function("b", 2, 3), function("c", 5, 1)]);
     }
 
     #[test]

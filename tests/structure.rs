@@ -12,6 +12,14 @@ pub type Module = Vec<String>;
 /// How often what is imported may have been handed on from a module to the one around it.
 const HANDED_ON: usize = 4;
 
+/// Folders of the crates of a workspace, below its root.
+pub fn members(root: &Path) -> Vec<String> {
+    let path = root.join("Cargo.toml");
+    let manifest = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let members = manifest.lines().find(|line| line.starts_with("members")).unwrap_or_default();
+    members.split('"').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
 /// A crate's modules without those of tests, and what each imports.
 pub struct Modules {
     /// Code of each, without comments, texts and tests.
@@ -29,6 +37,11 @@ impl Modules {
     /// Lines of code of one module's own file.
     pub fn own_lines(&self, module: &Module) -> usize {
         self.code[module].lines().filter(|line| !line.trim().is_empty()).count()
+    }
+
+    /// How often the code of all modules has a word.
+    pub fn count(&self, word: &str) -> usize {
+        self.code.values().map(|code| code.matches(word).count()).sum()
     }
 
     /// All modules.

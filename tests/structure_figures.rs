@@ -1,5 +1,5 @@
 //! Figures of the structure of a checkout: files and lines of each room of the solver, imports between rooms, circles, and how
-//! often effects are named outside their own room.
+//! often effects are named outside their own room, integrators anywhere, and features of crates in code.
 //!
 //! ```text
 //! make structure                     this checkout
@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use drapery_tests::effect_names::named_outside_their_rooms;
-use drapery_tests::structure::{Module, Modules};
+use drapery_tests::structure::{Module, Modules, members};
 
 /// The room of a module: its first name, or two of them where the room is divided.
 fn room(module: &Module) -> String {
@@ -18,13 +18,15 @@ fn room(module: &Module) -> String {
     module[..depth.min(module.len())].join("::")
 }
 
-/// Says which files of a crate import each other in a circle.
-fn circles(folder: &str, source: &Path) {
-    let circles = Modules::read(source).circles();
+/// Says which files of a crate import each other in a circle; its modules.
+fn circles(folder: &str, source: &Path) -> Modules {
+    let modules = Modules::read(source);
+    let circles = modules.circles();
     println!("circles in {folder}: {}", circles.len());
     for circle in &circles {
         println!("    {}", circle.iter().map(|module| module.join("::")).collect::<Vec<_>>().join(", "));
     }
+    modules
 }
 
 fn main() {
@@ -48,24 +50,16 @@ fn main() {
         println!("{room:<28} {files:>5} {lines:>6}  {}", imports.join(" "));
     }
     println!("rooms: {}, imports between them: {}", rooms.len(), between.values().map(BTreeSet::len).sum::<usize>());
-    for folder in [
-        "core",
-        "core/mpi",
-        "io/alembic",
-        "io/usd",
-        "io",
-        "shot",
-        "analysis",
-        "cli",
-        "cli/selftest",
-        "plugins/capi",
-        "sample_assets",
-    ] {
-        let source = root.join(folder).join("src");
+    let (mut questions, mut features) = (0, 0);
+    for folder in members(&root) {
+        let source = root.join(&folder).join("src");
         if source.is_dir() {
-            circles(folder, &source);
+            let modules = circles(&folder, &source);
+            questions += modules.count("Integrator::SemiImplicit") + modules.count("Integrator::TrBdf2");
+            features += modules.count("cfg(feature") + modules.count("cfg(not(feature");
         }
     }
+    println!("integrators named: {questions} times, their rows among them; cfg of features: {features}");
     let named = named_outside_their_rooms(&root);
     let times = named.iter().map(|(_, times)| times).sum::<usize>();
     println!("effects named outside their own room: {times} times in {} files", named.len());

@@ -1,13 +1,17 @@
-"""A session of a Blender with a window and the add-on, drawn into a frame buffer (Xvfb): blender_window.py presses the buttons."""
+"""Sessions of Blender with the add-on: as a Python module, Debian's without a window, and with one that is drawn into a frame buffer."""
 
+import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from judges import HERE, ROOT
 
-PACKAGE = ROOT / "plugins" / "blender" / "package"
+PACKAGE = ROOT / "plugins" / "blender" / "package.py"
 
 
 def package(*arguments):
@@ -23,6 +27,27 @@ def exporter_in(folder):
                     f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
     path.chmod(0o755)
     return path
+
+
+def needs_blender(kind):
+    """Skips a test of Debian's Blender where there is none."""
+    if kind == "debian" and shutil.which("blender") is None:
+        pytest.skip("no blender; `make setup` installs it on Debian")
+
+
+def blender_does(kind, script, folder, file, *words):
+    """Runs a script with these words in Blender, "module" or "debian"; what it printed, and its answer in a file of the folder."""
+    (folder / "scripts" / "addons").mkdir(parents=True)
+    start = [sys.executable] if kind == "module" else ["blender", "--background", "--factory-startup", "--python"]
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(folder / "user"), "BLENDER_USER_CONFIG": str(folder / "config"),
+                                "BLENDER_USER_SCRIPTS": str(folder / "scripts")}  # fmt: skip
+    line = list(map(str, [*start, HERE / script, "--", *words]))
+    done = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300)
+    said = done.stdout + done.stderr
+    assert (folder / file).exists(), said[-4000:]
+    answer = json.loads((folder / file).read_text())
+    assert "failed" not in answer, answer["failed"] + said[-4000:]
+    return said, answer
 
 
 def session(folder, drapery):

@@ -47,6 +47,11 @@ def hdf5(path):
         return answer
 
 
+def z_up(vectors):
+    """Blender's turn of a y-up file."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
 def triangles(face_counts, face_indices):
     """Fans of the faces, turned so that they are counter-clockwise seen from outside (Alembic's are clockwise)."""
     found = []

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from judges import blender, hdf5, official
+from judges import blender, hdf5, official, z_up
 
 FPS = 24
-
-
-def z_up(vectors):
-    """Blender's turn of a y-up file."""
-    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,12 @@ import pytest
 
 from blender_session import package
 from conftest import program
-from judges import HERE, ROOT, official
+from judges import HERE, ROOT, official, z_up
 
 FRAMES = 6
 ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
 # Runs the command in the place of the solver in a wheel: which way it is called is what is tested.
 STAND_IN = "import os, sys\nos.execv(os.environ['DRAPERY'], ['drapery', *sys.argv[1:]])\n"
-
-
-def z_up(vectors):
-    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
 @pytest.fixture(scope="module")

@@ -1,18 +1,13 @@
 """The add-on with scenes as artists have them, in the module of Blender 5.0 and in Debian's 3.4, each act in a session of its own."""
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 import tomllib
 
 import numpy as np
 import pytest
 
-from blender_session import exporter_in, package
+from blender_session import blender_does, exporter_in, needs_blender, package
 from conftest import program
-from judges import HERE, official
+from judges import official, z_up
 
 # Of blender_artist.py: cells of a panel up and along, and their size.
 ROWS, COLUMNS, CELL = 8, 6, 0.025
@@ -23,8 +18,7 @@ THICKNESS = 0.318e-3
 @pytest.fixture(scope="module", params=["module", "debian"])
 def act(request, tmp_path_factory):
     """Does an act of blender_artist.py, once; its folder and its answer."""
-    if request.param == "debian" and shutil.which("blender") is None:
-        pytest.skip("no blender; `make setup` installs it on Debian")
+    needs_blender(request.param)
     drapery, seen = program("DRAPERY", "drapery"), {}
 
     def does(name):
@@ -36,20 +30,9 @@ def act(request, tmp_path_factory):
 
 
 def session(blender, name, folder, drapery):
-    (folder / "scripts" / "addons").mkdir(parents=True)
     _, archive = package("--without-solver", folder)
-    start, exporter = [sys.executable, HERE / "blender_artist.py"], "none"
-    if blender == "debian":
-        start = ["blender", "--background", "--factory-startup", "--python", HERE / "blender_artist.py"]
-        exporter = exporter_in(folder)
-    environment = os.environ | {"BLENDER_USER_RESOURCES": str(folder / "user"), "BLENDER_USER_CONFIG": str(folder / "config"),
-                                "BLENDER_USER_SCRIPTS": str(folder / "scripts")}  # fmt: skip
-    line = list(map(str, [*start, "--", name, folder, archive, drapery, exporter]))
-    done = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300)
-    said = done.stdout + done.stderr
-    assert (folder / f"{name}.json").exists(), said[-4000:]
-    answer = json.loads((folder / f"{name}.json").read_text())
-    assert "failed" not in answer, answer["failed"] + said[-4000:]
+    exporter = exporter_in(folder) if blender == "debian" else "none"
+    said, answer = blender_does(blender, "blender_artist.py", folder, f"{name}.json", name, folder, archive, drapery, exporter)
     assert "Traceback" not in said, said[-4000:]
     assert answer["version"][:2] == [5, 0] or blender == "debian"
     return folder, answer
@@ -153,10 +136,6 @@ def test_darts_and_rings_are_sewn_in_order(act):
     gaps = np.linalg.norm(low[:, 80:100] - high[:, [(i - 5) % 20 for i in range(20)]], axis=-1)
     np.testing.assert_allclose(gaps[0], 0.1, atol=1e-5)
     assert gaps[-1].max() < 2e-3
-
-
-def z_up(vectors):
-    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
 def test_odd_objects_are_simulated_where_they_are_and_shown_where_their_caches_are(act):

@@ -3,16 +3,12 @@
 Blender lends an add-on no data of the open file while it is registered, and keeps what a registration leaves that fails halfway.
 """
 
-import json
-import os
-import shutil
 import subprocess
-import sys
 import zipfile
 
 import pytest
 
-from blender_session import package
+from blender_session import blender_does, needs_blender, package
 from conftest import program
 from judges import HERE
 
@@ -36,8 +32,7 @@ def version(archive, name, changes):
 
 @pytest.fixture(scope="module", params=["module", "debian"])
 def seen(request, tmp_path_factory):
-    if request.param == "debian" and shutil.which("blender") is None:
-        pytest.skip("no blender; `make setup` installs it on Debian")
+    needs_blender(request.param)
     folder, drapery = tmp_path_factory.mktemp("installs"), program("DRAPERY", "drapery")
     _, good = package("--without-solver", folder)
     newer = version(good, "newer.zip", [("manifest.toml", 'version = "0.1.0"', 'version = "0.1.1"'), ("fabrics.py", "Light Silk", "Silk")])
@@ -46,19 +41,7 @@ def seen(request, tmp_path_factory):
     scene = HERE.parent.parent / "sample_assets" / "scenes" / "hanging_sheet.toml"
     run = folder / "drapery" / "open" / "Scene" / "out" / "Scene"
     subprocess.run([drapery, "run", scene, "--frames", "1001-1002", "--set", "resolution=4", "--out", run], check=True, capture_output=True)
-    words = ["--", folder, good, newer, broken, drapery]
-    start = [sys.executable, HERE / "blender_installs.py"]
-    if request.param == "debian":
-        start = ["blender", "--background", "--factory-startup", "--python", HERE / "blender_installs.py"]
-        (folder / "scripts" / "addons").mkdir(parents=True)
-    environment = os.environ | {"BLENDER_USER_RESOURCES": str(folder / "user"), "BLENDER_USER_CONFIG": str(folder / "config"),
-                                "BLENDER_USER_SCRIPTS": str(folder / "scripts")}  # fmt: skip
-    done = subprocess.run(list(map(str, [*start, *words])), cwd=folder, env=environment, capture_output=True, text=True,
-                          stdin=subprocess.DEVNULL, timeout=300)  # fmt: skip
-    said = done.stdout + done.stderr
-    assert (folder / "answer.json").exists(), said[-4000:]
-    answer = json.loads((folder / "answer.json").read_text())
-    assert "failed" not in answer, answer["failed"] + said[-4000:]
+    said, answer = blender_does(request.param, "blender_installs.py", folder, "answer.json", folder, good, newer, broken, drapery)
     assert answer["version"][:2] == [5, 0] or request.param == "debian"
     # What unregisters badly, or an object that nobody closes, says so here and nowhere else; the broken version is meant to.
     assert said.count("Traceback") <= said.count("missing bl_rna"), said[-4000:]

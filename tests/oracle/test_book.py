@@ -163,7 +163,7 @@ for (;;) {
 @pytest.fixture(scope="module")
 def book(tmp_path_factory):
     folder = tmp_path_factory.mktemp("book")
-    done = subprocess.run([ROOT / ".ci" / "docs", folder, "book"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    done = subprocess.run([ROOT / "tools" / "docs" / "build.sh", folder, "book"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
     assert done.returncode == 0, done.stderr
     return folder
 

@@ -5,8 +5,21 @@ use std::path::Path;
 use crate::tree::{SourceFile, report, root, text_files};
 
 /// Folders of the project whose paths are checked wherever they stand in code marks.
-const FOLDERS: [&str; 9] =
-    ["core/", "io/", "analysis/", "cli/", "tests/", "sample_assets/", "docs/", "plugins/", ".ci/"];
+const FOLDERS: [&str; 13] = [
+    "core/",
+    "io/",
+    "shot/",
+    "analysis/",
+    "cli/",
+    "tests/",
+    "sample_assets/",
+    "docs/",
+    "plugins/",
+    "measure/",
+    "packaging/",
+    "tools/",
+    ".ci/",
+];
 
 /// Files that runs make; the pages may name them, the repository does not hold them.
 const MADE: [&str; 1] = ["docs/dev/measurements/test-full.md"];

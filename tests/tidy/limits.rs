@@ -1,4 +1,4 @@
-//! README and the page of limits against the program: what they deny is not there, and what they name is.
+//! README and the page of limits against the program: what they name is there.
 
 use std::collections::BTreeSet;
 
@@ -9,23 +9,6 @@ use serde_json::Value;
 use crate::tree::{report, root};
 
 const LIMITS: &str = "docs/guide/limits.md";
-
-/// What the section "Not there" of the page of limits denies, by the first words of its entries, and parts of names of effects,
-/// keys and options that would make it untrue.
-const DENIED: [(&str, &[&str]); 9] = [
-    ("Bodies are not moved by cloth", &["two_way", "coupling", "rigid_bod", "body_mass"]),
-    ("No buttons, zips or hooks", &["button", "zip", "hook"]),
-    ("No tearing, no cutting, no remeshing", &["tear", "cut", "remesh", "fracture"]),
-    ("Numbers of the scene do not change over time", &["keyframe", "animate", "over_time"]),
-    ("Friction is one number a body", &["friction_with", "friction_pair", "pair_friction"]),
-    ("No layer that ignores another one", &["ignore", "collide_with", "collision_group"]),
-    ("No graphics processor", &["gpu", "cuda", "device"]),
-    ("No hair, no fluid, no solid", &["hair", "strand", "fluid", "solid", "tetra"]),
-    ("Wearing order does not untangle", &["wearing", "layer_order", "untangle"]),
-];
-
-/// The key of effects whose values are numbers over time, which the page excepts.
-const OVER_TIME: &str = "keys";
 
 fn page(name: &str) -> String {
     std::fs::read_to_string(root().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
@@ -74,56 +57,10 @@ fn options(text: &str) -> BTreeSet<&str> {
     found.filter(|option| option.starts_with(|c: char| c.is_ascii_lowercase())).collect()
 }
 
-/// Complaints about words behind "no" that are names of the program, such as "There is no wind".
-fn denied_names(text: &str, names: &BTreeSet<String>) -> BTreeSet<String> {
-    let words: Vec<String> =
-        text.split_whitespace().map(|word| word.trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase()).collect();
-    let after_no = words.windows(3).filter(|words| words[0] == "no");
-    let candidates = after_no.flat_map(|words| {
-        let two = format!("{}_{}", words[1], words[2]);
-        [words[1].clone(), words[1].trim_end_matches('s').to_owned(), two.clone(), two.trim_end_matches('s').to_owned()]
-    });
-    candidates.filter(|name| names.contains(name)).collect()
-}
-
-/// Whether a name is what a part stands for: one of its words, or several in a row.
-fn is_about(name: &str, part: &str) -> bool {
-    name.split('_').any(|word| word == part) || part.contains('_') && name.contains(part)
-}
-
 /// Marks of code in a text, without fenced blocks.
 fn marks(text: &str) -> Vec<&str> {
     let outside = text.split("```").step_by(2);
     outside.flat_map(|text| text.split('`').skip(1).step_by(2)).collect()
-}
-
-#[test]
-fn limits_deny_nothing_that_the_program_has() {
-    let (names, limits, readme) = (names(), page(LIMITS), page("README.md"));
-    let denied = section(&limits, "Not there");
-    let mut complaints = Vec::new();
-    let entries: Vec<&str> = denied.lines().filter_map(|line| line.strip_prefix("* **")).collect();
-    for entry in &entries {
-        if !DENIED.iter().any(|(known, _)| entry.starts_with(known)) {
-            complaints.push(format!("{LIMITS}: \"{entry}\" is not checked; add it to DENIED"));
-        }
-    }
-    for (entry, parts) in DENIED {
-        if !entries.iter().any(|there| there.starts_with(entry)) {
-            complaints.push(format!("{LIMITS}: \"{entry}\" is not there; take it out of DENIED"));
-        }
-        let there = names.iter().filter(|name| parts.iter().any(|part| is_about(name, part)));
-        complaints.extend(there.map(|name| format!("{LIMITS}: \"{entry}\", but there is `{name}`")));
-    }
-    for (file, text) in [(LIMITS, denied), ("README.md", section(&readme, "Limits"))] {
-        complaints.extend(denied_names(text, &names).iter().map(|name| format!("{file}: there is a {name}")));
-        for spec in REGISTRY.iter().filter(|spec| spec.fields.iter().any(|field| field.name == OVER_TIME)) {
-            if !text.contains(spec.name) {
-                complaints.push(format!("{file} forgets that numbers of {} change over time", spec.name));
-            }
-        }
-    }
-    report(&complaints);
 }
 
 #[test]
@@ -189,10 +126,6 @@ fn the_readme_lists_the_materials_and_the_farm_page_the_exit_codes() {
 }
 
 #[test]
-fn denials_and_options_are_recognised() {
-    let names: BTreeSet<String> = ["wind", "strain_limit"].map(str::to_owned).into();
-    assert_eq!(denied_names("There is no wind. No strain limits at all.", &names), names);
-    assert!(denied_names("It has no gloves, and no windows on Mondays.", &names).is_empty());
+fn options_are_recognised() {
     assert_eq!(options("`run --strict` and a - b --out DIR a--b"), BTreeSet::from(["strict", "out"]));
-    assert!(is_about("cloth_tear", "tear") && !is_about("steer", "tear") && is_about("a_two_way", "two_way"));
 }

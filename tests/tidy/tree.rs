@@ -57,8 +57,7 @@ fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
 
 fn is_text(path: &Path, name: &str) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().into_owned());
-    let in_ci = path.parent().is_some_and(|folder| folder.file_name().is_some_and(|name| name == ".ci"));
-    name == "Makefile" || name == ".gitignore" || in_ci || ending.is_some_and(|e| TEXT.contains(&e.as_str()))
+    ["Makefile", ".gitignore", "run"].contains(&name) || ending.is_some_and(|e| TEXT.contains(&e.as_str()))
 }
 
 /// Fails with all complaints at once.

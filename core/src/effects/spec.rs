@@ -94,7 +94,7 @@ pub struct EffectSpec {
     pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
 }
 
-/// What the forces of an effect take in the semi-implicit step, by `make measure-plan` [ns by element].
+/// What the forces of an effect take in the semi-implicit step, by `make measure NAME=plan` [ns by element].
 #[derive(Debug, Clone, Copy)]
 pub struct ForceCost {
     /// Once in a solve.

@@ -11,7 +11,7 @@
 //! made again, with more solves, where cloth is struck or pressed: what is expected of them is the least
 //! ([`FrameEstimate::is_least`]). `drapery plan --measure` simulates frames instead.
 //!
-//! Source of all numbers here: `make measure-plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
+//! Source of all numbers here: `make measure NAME=plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
 
 use super::Simulation;
 use crate::effects::registry::{PlannedEffect, find};

@@ -206,7 +206,7 @@ fn the_node_in_cpp_feeds_a_body_live() {
 fn the_shared_library_has_every_symbol_of_version_1_and_pkg_config_finds_it() {
     let Some(cc) = compiler("CC", "cc") else { return };
     let place = tempfile::tempdir().expect("a folder");
-    let mut install = Command::new(folder().join("install"));
+    let mut install = Command::new(folder().join("install.sh"));
     ends_well(install.arg(libraries()).arg(place.path()));
     let names: Vec<String> = read(ABI_1).lines().filter_map(name_of).collect();
     let declared: String = names.iter().map(|name| format!("extern void {name}(void);\n")).collect();

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Builds the wheel of plugins/python into a folder: .ci/python-wheel FOLDER [FEATURE...]. With the feature static-hdf5 the HDF5
+# Builds the wheel of plugins/python into a folder: packaging/python-wheel.sh FOLDER [FEATURE...]. With the feature static-hdf5 the HDF5
 # library is inside; without, the machine has to have it. What builds it is installed beside the other builds.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs header, libraries, pkg-config file and CMake package: plugins/capi/install FOLDER_OF_LIBRARIES PREFIX [hdf5-inside]
+# Installs header, libraries, pkg-config file and CMake package: plugins/capi/install.sh FOLDER_OF_LIBRARIES PREFIX [hdf5-inside]
 # The last word is for libraries that were built with the feature static-hdf5: programs are then not linked to the system's.
 # PREFIX may be moved afterwards.
 set -eu

@@ -4,5 +4,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 folder=$(realpath -m "${CARGO_TARGET_DIR:-target}")/python
-.ci/python-wheel "$folder/wheels"
+packaging/python-wheel.sh "$folder/wheels"
 "$folder/venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$folder"/wheels/*.whl

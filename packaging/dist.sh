@@ -25,15 +25,15 @@ inside=plugins/python/python/drapery/licences
 rm -rf "$inside"
 trap 'rm -rf "$inside"' EXIT
 mkdir -p "$target/dist-parts"
-"$about" generate --config .ci/licences.toml --manifest-path plugins/python/Cargo.toml --features usd,static-hdf5 --locked --fail \
-    --output-file "$licences" .ci/licences.hbs
+"$about" generate --config packaging/licences.toml --manifest-path plugins/python/Cargo.toml --features usd,static-hdf5 --locked --fail \
+    --output-file "$licences" packaging/licences.hbs
 grep -q 'HDF5 (Hierarchical Data Format 5)' "$licences" || { echo "dist: the licence of HDF5 is missing" >&2; exit 1; }
 # The wheel carries them, and those of Drapery, in its package for as long as it is built.
 mkdir -p "$inside"
 cp LICENSE-MIT LICENSE-APACHE "$licences" "$inside/"
 
 echo "dist: 2 of 6, building the wheel, then the command and the libraries for C"
-.ci/python-wheel "$target/dist-parts/wheel" static-hdf5
+packaging/python-wheel.sh "$target/dist-parts/wheel" static-hdf5
 # It has installed what builds HDF5.
 export CMAKE=$target/python/venv/bin/cmake
 # In a folder of their own: `target/release` stays what `make build` has put there. Crates are compiled where all are, together with
@@ -62,7 +62,7 @@ echo "dist: 4 of 6, the package for C"
 name=drapery-c-$version-$machine
 part=$target/dist-parts/$name
 rm -rf "$part"
-plugins/capi/install "$built" "$part" hdf5-inside
+plugins/capi/install.sh "$built" "$part" hdf5-inside
 strip --strip-unneeded "$part/lib/libdrapery_c.so"
 strip --strip-debug "$part/lib/libdrapery_c.a"
 mkdir -p "$part/share/drapery_c"
@@ -73,7 +73,7 @@ echo "dist: 5 of 6, the wheel"
 cp "$target"/dist-parts/wheel/*.whl "$out/"
 
 echo "dist: 6 of 6, the add-on for Blender, with the wheel inside"
-.venv/bin/python plugins/blender/package "$out"
+.venv/bin/python plugins/blender/package.py "$out"
 
 (cd "$out" && sha256sum -- * >SHA256SUMS)
 ls -lh "$out"

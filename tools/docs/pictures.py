@@ -17,8 +17,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT / "tests" / "oracle"))
+ROOT = Path(__file__).parent.parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "oracle")]
 
 import bpy  # noqa: E402
 import numpy as np  # noqa: E402
@@ -27,7 +27,7 @@ from PIL import Image, ImageDraw, ImageFont  # noqa: E402
 import blender_session  # noqa: E402
 import farm  # noqa: E402
 import render_contact_sheet as sheet  # noqa: E402
-from speed_scenes import MPI  # noqa: E402
+from measure.runs import MPI  # noqa: E402
 
 PICTURES = ROOT / "docs" / "pictures" / "howto"
 HOWTO, SAMPLES = ROOT / "sample_assets" / "howto", ROOT / "sample_assets" / "scenes"
@@ -159,7 +159,7 @@ def render(wanted, caches, options, folder, tag):
 
 def plot_of_the_python_page(target):
     """The plot that the program of docs/howto/from_python.md saves, run with the wheel as its reader has it."""
-    subprocess.run([ROOT / ".ci" / "install-wheel"], check=True)
+    subprocess.run([ROOT / "packaging" / "install-wheel.sh"], check=True)
     python = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "python" / "venv" / "bin" / "python"
     page = (ROOT / "docs" / "howto" / "from_python.md").read_text()
     (plot,) = re.findall(r'savefig\("(.*?)"', page)

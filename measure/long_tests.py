@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Writes what the suites too long for CI found to docs/dev/measurements/test-full.md: a row for each test, of its last run.
 
-Called by `.ci/test-full` with the log of what has run, the digest of the solver, and whether all suites did; otherwise rows
+Called by `tests/full.sh` with the log of what has run, the digest of the solver, and whether all suites did; otherwise rows
 of tests that are not in the log stay as they are.
 """
 
@@ -9,8 +8,8 @@ import re
 import sys
 from pathlib import Path
 
-import measuring
-from measuring import ROOT
+from measure.page import commit, output, processor, table, today
+from measure.runs import ROOT
 
 PAGE = ROOT / "docs" / "dev" / "measurements" / "test-full.md"
 
@@ -26,10 +25,10 @@ COLUMNS = ["test", "result", "figures", "date", "commit", "solver", "machine"]
 
 def machine():
     """Processor, cores, memory and compiler."""
-    cores = measuring.output("nproc")
+    cores = output("nproc")
     memory = re.search(r"MemTotal:\s+(\d+)", Path("/proc/meminfo").read_text())
-    compiler = " ".join(measuring.output("rustc", "--version").split()[:2])
-    return f"{measuring.processor()}, {cores} cores, {int(memory[1]) / 2**20:.0f} GB, {compiler}"
+    compiler = " ".join(output("rustc", "--version").split()[:2])
+    return f"{processor()}, {cores} cores, {int(memory[1]) / 2**20:.0f} GB, {compiler}"
 
 
 def found(log):
@@ -54,11 +53,11 @@ def rows_of(page):
 
 def main(log, solver, everything):
     rows = rows_of(PAGE.read_text()) if PAGE.exists() and not everything else {}
-    date, commit, where = measuring.today(), measuring.commit(), machine()
+    when, where = [today(), commit()], machine()
     for name, (result, figures) in found(Path(log).read_text()).items():
-        rows[name] = [f"`{name}`", result, figures.replace("|", "\\|"), date, commit, solver, where]
-    table = measuring.table(COLUMNS, [rows[name] for name in sorted(rows)])
-    PAGE.write_text(HEAD + "\n".join(table) + "\n")
+        rows[name] = [f"`{name}`", result, figures.replace("|", "\\|"), *when, solver, where]
+    lines = table(COLUMNS, [rows[name] for name in sorted(rows)])
+    PAGE.write_text(HEAD + "\n".join(lines) + "\n")
     print(f"written: {PAGE.relative_to(ROOT)}")
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Makes the zip that Blender installs by drag and drop: the add-on with the solver's wheel inside.
 
-    plugins/blender/package FOLDER                    with the wheels drapery-*.whl in FOLDER, one for each platform
-    plugins/blender/package --without-solver FOLDER   for places where everybody names a drapery executable in the preferences
+    plugins/blender/package.py FOLDER                    with the wheels drapery-*.whl in FOLDER, one for each platform
+    plugins/blender/package.py --without-solver FOLDER   for places where everybody names a drapery executable in the preferences
 
 The zip goes into FOLDER; its path is printed. The same input gives the same bytes. Called by `make dist`.
 """

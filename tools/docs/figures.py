@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-PICTURES = Path(__file__).resolve().parent.parent / "docs" / "pictures"
+PICTURES = Path(__file__).resolve().parent.parent.parent / "docs" / "pictures"
 LINES = [("B.1", "velocity,", "half a step"), ("B.2", "repulsion", "with springs"), ("B.3", "positions", ""),
          ("B.4", "bodies:", "positions"), ("B.5", "velocity,", "at the middle"), ("B.6", "extrapolate", ""),
          ("B.7", "bodies:", "friction"), ("B.8", "repulsion", "no springs")]

@@ -4,7 +4,7 @@ tables that begin without an empty line.
 The pages are also read where the repository is hosted, so they link scenes, sources and licences by their paths. The book gets a
 copy of each file that is linked, under `files/`; a link to a file that does not exist is left to MkDocs, which refuses it.
 
-Tables get what the style sheet needs to fit them into a page, and the index of the search gets users' words (`.ci/book`).
+Tables get what the style sheet needs to fit them into a page, and the index of the search gets users' words (`tools/docs/theme`).
 """
 
 import html
@@ -14,7 +14,7 @@ import posixpath
 import re
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 DOCS = ROOT / "docs"
 TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
 ROW = re.compile(r"<tr>.*?</tr>", re.DOTALL)

@@ -19,8 +19,8 @@ status=0
 if [ -z "$only" ]; then
     cargo test --release --workspace -- --ignored 2>&1 | tee "$log" || status=1
 fi
-[ -n "$only" ] || .ci/fuzz 60 2>&1 | tee -a "$log" || status=1
+[ -n "$only" ] || tests/fuzz/run.sh 60 2>&1 | tee -a "$log" || status=1
 .venv/bin/python -m pytest tests/oracle -m full -rap -k "$only" 2>&1 | tee -a "$log" || status=1
 
-.venv/bin/python .ci/record-full "$log" "$(basename "$DRAPERY_LONG_RUNS")" "$([ -n "$only" ] || echo all)"
+.venv/bin/python -m measure.long_tests "$log" "$(basename "$DRAPERY_LONG_RUNS")" "$([ -n "$only" ] || echo all)"
 exit $status

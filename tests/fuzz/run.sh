@@ -1,12 +1,12 @@
 #!/bin/bash
 # Fuzzes every reader (docs/dev/fuzzing.md), one target after the other, on one core each.
 #
-#     .ci/fuzz SECONDS [TARGET...]     seconds of each target; all targets where none is named
+#     tests/fuzz/run.sh SECONDS [TARGET...]     seconds of each target; all targets where none is named
 #
 # The inputs under tests/fuzz/corpus are run first, then changed ones for the time that is left. What makes a reader fail is
 # kept in $CARGO_TARGET_DIR/fuzz/failures, and new inputs that reach new code in $CARGO_TARGET_DIR/fuzz/corpus.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 
 seconds=$1
 shift

@@ -2,7 +2,7 @@
 # Builds the book, with the pages of rustdoc beside it, into the folder that the first argument names. Links that lead nowhere, in
 # pages or in rustdoc, are errors. The second argument is `book` for the book alone. Called by `make docs`.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 
 out=$(realpath -m "$1")
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -19,7 +19,7 @@ NO_MKDOCS_2_WARNING=1 "$environment/bin/mkdocs" build --strict --quiet --site-di
 [ "${2:-}" != book ] || exit 0
 
 # The profile of lints and tests, which have made what the crates stand on.
-"$environment/bin/python" .ci/check-rustdoc --release --workspace --no-deps \
+"$environment/bin/python" tools/docs/check_rustdoc.py --release --workspace --no-deps \
     --features drapery/mpi,drapery/usd --ignore-rust-version
 cp -r "$target/doc" "$out/rustdoc"
 for page in $(grep -rhoE 'rustdoc/[a-z_]+/index\.html' docs/reference/rust.md | sort -u); do

@@ -1,29 +1,23 @@
-#!/usr/bin/env python3
 """Judges a change that must not change a byte of any result: runs short scenes with the program of an earlier commit and with
 today's (`make build`), and compares SHA-256 of the caches and of every checkpoint.
 
-    .ci/compare-results COMMIT [CASE...]
+    python -m measure.compare COMMIT [CASE...]
 
 Today's program runs each case on 1 and 4 threads, on 2, 4 and 7 ranks, stopped at a frame and continued on other threads, and
-resumes from a checkpoint that the earlier program has written. The earlier program is built once, below `target/compare`.
+resumes from a checkpoint that the earlier program has written. The earlier program is built once, below `target/measured`.
 Ends with 1 if a byte differs.
 """
 
 import hashlib
 import os
-import re
 import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-TODAY = TARGET / "release" / "drapery"
-SAMPLES, TESTS = ROOT / "sample_assets" / "scenes", ROOT / "tests" / "scenes"
-RANKS = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
-         "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_hwloc_base_binding_policy": "none"}
+from measure.runs import MPI, ROOT, TODAY, assets, build, measured_folder
+from measure.scenes import SAMPLES, TESTS, without_tables
 
 
 @dataclass
@@ -63,35 +57,15 @@ CASES = {
 }
 
 
-def sh(*command):
-    return subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-
-
-def build(commit):
-    """The program of a commit."""
-    commit = sh("git", "rev-parse", "--short", commit)
-    folder = TARGET / "compare" / commit
-    program = folder / "release" / "drapery"
-    if not program.exists():
-        with tempfile.TemporaryDirectory() as tree:
-            sh("git", "worktree", "add", "--detach", tree, commit)
-            try:
-                subprocess.run(["cargo", "build", "--release", "--package", "drapery", "--features", "mpi"], cwd=tree,
-                               env=os.environ | {"CARGO_TARGET_DIR": str(folder)}, check=True)
-            finally:
-                sh("git", "worktree", "remove", "--force", tree)
-    return program
-
-
 def scene_of(program, case):
     """The scene of a case as a program reads it: programs before `[check]` refuse that table, which no result depends on."""
     if program == TODAY:
         return case.scene
     # As deep below a folder with the shared data as the scene itself.
-    scene = program.parent / case.scene.relative_to(ROOT)
+    scene = measured_folder() / "scenes" / case.scene.relative_to(ROOT)
     scene.parent.mkdir(parents=True, exist_ok=True)
-    scene.write_text(re.sub(r"^\[check\]\n(?:(?!\[).*\n)*", "", case.scene.read_text(), flags=re.MULTILINE))
-    shared = program.parent.parent / "shared"
+    scene.write_text(without_tables(case.scene.read_text(), ["check"]))
+    shared = measured_folder() / "shared"
     if not shared.exists():
         shared.symlink_to(ROOT.parent / "shared")
     return scene
@@ -104,7 +78,7 @@ def run(program, case, out, last, threads=1, ranks=1):
     command += [f"--set={name}={value}" for name, value in case.settings.items()]
     if ranks > 1:
         command = ["mpirun", "-n", ranks, *command]
-    done = subprocess.run(list(map(str, command)), env=os.environ | RANKS, stdin=subprocess.DEVNULL, capture_output=True,
+    done = subprocess.run(list(map(str, command)), env=os.environ | MPI, stdin=subprocess.DEVNULL, capture_output=True,
                           text=True)
     if done.returncode != 0:
         sys.exit(f"exit code {done.returncode} of {' '.join(map(str, command))}\n{done.stderr[-2000:]}")
@@ -156,10 +130,8 @@ def compare(name, case, earlier, today):
 
 def main(commit, names):
     earlier, today = build(commit), TODAY
-    with tempfile.TemporaryDirectory() as assets:
-        sh(TARGET / "release" / "drapery-assets", "mannequin", "--out", assets, "--garments", "light")
-        CASES["mannequin"].settings["assets"] = assets
-        results = [compare(name, CASES[name], earlier, today) for name in names or CASES]
+    CASES["mannequin"].settings["assets"] = assets("mannequin", "--garments", "light")
+    results = [compare(name, CASES[name], earlier, today) for name in names or CASES]
     print(f"{sum(results)} of {len(results)} cases have the same bytes")
     sys.exit(0 if all(results) else 1)
 

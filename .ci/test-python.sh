@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-.ci/install-wheel
+packaging/install-wheel.sh
 project=$PWD
 cd "$(realpath -m "${CARGO_TARGET_DIR:-target}")/python"
 venv/bin/python -m pytest "$project/plugins/python/tests" -c "$project/plugins/python/pyproject.toml" -q
