@@ -99,9 +99,9 @@ fn assert_same_bytes(a: &Path, b: &Path) {
 /// Largest distance of what two caches hold, one of them `by` from the other [m].
 fn farthest(near: &Path, far: &Path, by: Vec3) -> f64 {
     let (near, far) = (CacheFrames::open(near).unwrap(), CacheFrames::open(far).unwrap());
-    assert_eq!(near.meshes()[0].frames, far.meshes()[0].frames);
+    assert_eq!(near.meshes[0].frames, far.meshes[0].frames);
     let mut largest = 0.0;
-    for sample in 0..near.meshes()[0].frames.len() {
+    for sample in 0..near.meshes[0].frames.len() {
         let (a, b) = (near.positions(0, sample).unwrap(), far.positions(0, sample).unwrap());
         largest = a.iter().zip(&b).fold(largest, |largest: f64, (a, b)| largest.max((b - by - a).norm()));
     }
@@ -167,7 +167,7 @@ fn a_run_that_goes_on_from_another_origin_counts_all_its_frames_from_there() {
     run(from(1e5 + 8.0), &moved, 4);
     for name in FILES {
         let cache = CacheFrames::open(&moved.join(name)).unwrap();
-        assert_eq!(cache.meshes()[0].frames, [1, 2, 3, 4], "{name}");
+        assert_eq!(cache.meshes[0].frames, [1, 2, 3, 4], "{name}");
         let old = CacheFrames::open(&whole.join(name)).unwrap();
         for sample in 0..2 {
             let stored = cache.stored_positions(0, sample).unwrap().unwrap();
@@ -245,7 +245,7 @@ fn a_cache_says_what_its_positions_are_counted_from_and_goes_on_from_no_other_pl
 
         let cache = CacheFrames::open(&path).unwrap();
         // Nothing could move a mesh without a parent.
-        assert_eq!(cache.meshes()[0].name, "/flag/flagShape", "{extension}");
+        assert_eq!(cache.meshes[0].name, "/flag/flagShape", "{extension}");
         // Z up, in centimetres.
         let at = |p: Vec3| (p - origin - Vec3::new(0.01, 0.0, -0.02)).norm();
         assert!(at(cache.positions(0, 1).unwrap()[1]) < 1e-10, "{extension}");
@@ -274,7 +274,7 @@ fn a_cache_that_counts_from_the_origin_of_the_world_says_nothing_of_it() {
         write_frame(writer.as_mut(), 1);
         writer.finish().unwrap();
         let cache = CacheFrames::open(&path).unwrap();
-        assert_eq!(cache.meshes()[0].name, "/flagShape", "{extension}");
+        assert_eq!(cache.meshes[0].name, "/flagShape", "{extension}");
         assert!(!inspect(&path).unwrap().properties.iter().any(|(name, _)| name == "origin"), "{extension}");
         let bytes = std::fs::read(&path).unwrap();
         assert!(!bytes.windows(6).any(|word| word == b"origin"), "{extension}");

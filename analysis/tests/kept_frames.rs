@@ -78,8 +78,8 @@ enum Values {
 /// Flips the lowest bit of the first value of a frame of a cache.
 fn flip(path: &Path, frame: i64, values: Values) {
     let cache = CacheFrames::open(path).unwrap();
-    let sample = cache.meshes()[0].frames.binary_search(&frame).unwrap();
-    let stored = cache.stored_frame(0, sample).unwrap();
+    let sample = cache.meshes[0].frames.binary_search(&frame).unwrap();
+    let stored = cache.samples.frame(0, sample).unwrap();
     drop(cache);
     let of = |vectors: &[[f32; 3]]| vectors.iter().flatten().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
     let sought = match values {

@@ -5,8 +5,7 @@
 //! all are. Samples between frames go with it where they lie alike behind every frame and the new format holds them.
 
 mod samples;
-#[cfg(feature = "usd")]
-pub(crate) mod single;
+mod single;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,15 +15,17 @@ use drapery_core::scene::Timeline;
 
 use crate::atomic_file::{check_name, put};
 use crate::cache::{CacheFrame, CachePlan};
-use crate::cache_frames::{CacheFrames, rates};
+use crate::cache_frames::CacheFrames;
+use crate::cache_frames::rates;
 use crate::error::IoError;
-use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
+use crate::formats::{self, CreateCache, ResumeCache, folder_of, of_file, remove_folder};
 use crate::garment_mesh::{GarmentMesh, cut};
 use crate::mesh_data::MeshData;
 use crate::normals;
 use crate::units::{LengthUnit, Units, UpAxis, unlikely_size};
 
 use samples::Chosen;
+pub use single::{bytes_of, write_shot};
 
 /// Frame rates that differ by less than this share are one.
 const SAME_RATE: f64 = 1e-5;
@@ -72,47 +73,25 @@ pub struct Converted {
     pub doubts: Vec<String>,
 }
 
-/// One file with all that the caches of a shot hold.
-pub struct SingleLayer {
-    /// Its extension, behind the name of the shot.
-    pub extension: &'static str,
-    /// Writes it from the caches, which lie beside it, or replaces it as a whole.
-    pub write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
-    /// Bytes of so many vectors of all points in all samples.
-    pub bytes_of: fn(u64) -> u64,
-    /// The most of them that there may be: all are in memory until the file is there.
-    pub most_bytes: u64,
-}
-
-/// The single layer that this build writes, if it does.
-#[cfg(feature = "usd")]
-pub static SINGLE_LAYER: Option<SingleLayer> = Some(SingleLayer {
-    extension: "usdc",
-    write: single::write_shot,
-    bytes_of: single::bytes_of,
-    most_bytes: single::MOST_BYTES,
-});
-/// The single layer that this build writes: none.
-#[cfg(not(feature = "usd"))]
-pub static SINGLE_LAYER: Option<SingleLayer> = None;
-
 /// Writes the new cache; `wrote` hears of every frame. Until all frames are there, the new file has another name.
 ///
 /// # Errors
 /// The cache cannot be read, lacks a frame that is asked for, holds a number that is none or several meshes of which none is chosen,
 /// or does not tell its frame rate; the new file is there already, is the old one, or cannot be written.
 pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Converted, IoError> {
-    #[cfg(feature = "usd")]
-    if single::is_asked_for(&conversion.to) {
+    let format = of_file(&conversion.to);
+    if let Some(single) = format.and_then(|format| format.single.as_ref()) {
         refuse_target(conversion)?;
-        return single::convert(conversion, wrote);
+        return single::convert(conversion, single, wrote);
     }
-    let open = target(conversion)?;
+    let open = format.and_then(|format| format.create.zip(format.resume));
+    let open = open.ok_or_else(|| not_written(&conversion.to))?;
+    refuse_target(conversion)?;
     let source = opened(conversion)?;
     let mesh = chosen(&source, conversion.object.as_deref())?;
     rate(&source, conversion.fps)?;
     let (samples, mut left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
-    left_out.extend(source.left_out(mesh)?);
+    left_out.extend(source.meshes[mesh].left_out.iter().cloned());
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
     let data = described(&source, mesh, (samples.all[0].0, conversion.triangles))?;
     left_out.extend(without_place(&data, &conversion.to));
@@ -121,7 +100,7 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let doubts = doubts(conversion, &source, [(mesh, &samples)].into_iter())?;
     work.write(&conversion.to, open, &samples, wrote)?;
     let frames = [work.plan.first_frame, work.plan.last_frame];
-    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units, left_out, doubts })
+    Ok(Converted { frames, points: source.meshes[mesh].points, units: work.plan.units, left_out, doubts })
 }
 
 /// What is odd about the units of a cache, by what it says of them and by the size that these meshes have in their first sample.
@@ -130,10 +109,10 @@ fn doubts<'a>(
     source: &CacheFrames,
     meshes: impl Iterator<Item = (usize, &'a Chosen)>,
 ) -> Result<Vec<String>, IoError> {
-    let units = source.input_units();
-    let place = source.path().display();
+    let units = source.input_units;
+    let place = source.path.display();
     let mut found = Vec::new();
-    if conversion.from_length.is_none() && !source.states_length() {
+    if conversion.from_length.is_none() && !source.states_length {
         let unit = LengthUnit::plural(units.named().unwrap_or_default());
         found.push(format!(
             "{place}: the file does not say its unit, and is read in {unit}; --from-length says another"
@@ -156,14 +135,13 @@ fn doubts<'a>(
 
 /// What of a mesh the new format has no place for, a sentence each.
 fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
-    let is_usd = to.extension().is_some_and(|extension| extension.to_string_lossy().to_lowercase().starts_with("usd"));
     let materials = data.material.is_some() || data.face_sets.iter().any(|set| set.material.is_some());
     let all = [
         (data.double_sided.is_some(), "doubleSided"),
         (materials, "material:binding"),
         (data.purpose.is_some(), "the purpose"),
     ];
-    let left = all.iter().filter(|(there, _)| *there && !is_usd);
+    let left = all.iter().filter(|(there, _)| *there && !of_file(to).is_some_and(|format| format.binds_materials));
     left.map(|(_, what)| format!("{}: {what} is left out: the format has no place for it", data.object_path)).collect()
 }
 
@@ -174,10 +152,10 @@ fn plan<'a>(
     samples: &'a Chosen,
     (garment, kept): (&'a str, &'a GarmentMesh),
 ) -> Result<CachePlan<'a>, IoError> {
-    source.check_complete(Some(mesh))?;
+    source.samples.check_complete(Some(&source.meshes[mesh].name))?;
     let ((start, first, _), (_, last, _)) = (samples.all[0], samples.all[samples.all.len() - 1]);
     let stored = source.stored_positions(mesh, start)?;
-    let sample = source.stored_frame(mesh, start)?;
+    let sample = source.samples.frame(mesh, start)?;
     let (fps_numerator, fps_denominator) = rate(source, conversion.fps)?;
     Ok(CachePlan {
         sub_frames: &samples.sub_frames,
@@ -192,33 +170,21 @@ fn plan<'a>(
         timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
         first_frame: first,
         last_frame: last,
-        velocities: source.world_velocities(mesh, start)?.is_some(),
+        velocities: source.samples.velocities(mesh, start)?.is_some(),
         normals: sample.normals.is_some(),
         crossings: sample.crossings.is_some(),
     })
 }
 
-/// How the new file is made.
-fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError> {
-    let to = &conversion.to;
+/// Says that caches are not written as files of this name.
+fn not_written(to: &Path) -> IoError {
     let extension = to.extension().unwrap_or_default().to_string_lossy();
-    // A single layer of USD is no cache that could be continued, and is written by this alone.
-    let is_written = |format: &&formats::Format| format.create.is_some() || format.extension == "usdc";
-    let written = formats::FORMATS.iter().filter(is_written);
-    let format = formats::by_extension(&extension).and_then(|format| format.create.zip(format.resume));
-    let Some(open) = format else {
-        let all: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
-        return Err(IoError::Format {
-            path: to.clone(),
-            what: match extension.as_ref() {
-                "" => "this name has no ending that says the format".to_owned(),
-                _ => format!("caches are not written as .{extension} files"),
-            },
-            advice: format!("give a file that ends with {}", all.join(", ")),
-        });
+    let what = match extension.as_ref() {
+        "" => "this name has no ending that says the format".to_owned(),
+        _ => format!("caches are not written as .{extension} files"),
     };
-    refuse_target(conversion)?;
-    Ok(open)
+    let endings = formats::endings(|format| format.create.is_some() || format.single.is_some());
+    IoError::Format { path: to.to_owned(), what, advice: format!("give a file that ends with {endings}") }
 }
 
 /// Refuses a new file that is the old one, or there already.
@@ -240,7 +206,7 @@ fn refuse_target(conversion: &Conversion) -> Result<(), IoError> {
 
 /// The mesh of this path, or the only one.
 fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> {
-    let meshes = source.meshes();
+    let meshes = &source.meshes;
     let found = meshes.iter().position(|mesh| object.is_none_or(|object| mesh.name == object));
     if let Some(index) = found.filter(|_| object.is_some() || meshes.len() == 1) {
         return Ok(index);
@@ -250,7 +216,7 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
         Some(object) => format!("it holds no mesh {object}"),
         None => format!("it holds {} meshes, and a cache of this program holds one", meshes.len()),
     };
-    Err(IoError::data(source.path(), "objects", what, format!("choose one with --object: {names}")))
+    Err(IoError::data(&source.path, "objects", what, format!("choose one with --object: {names}")))
 }
 
 /// The cache that is converted. Its frames follow from its times and the rate that is said, or its own.
@@ -266,7 +232,7 @@ fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
     let said = f64::from(numerator) / f64::from(denominator);
     let source = CacheFrames::open_at_rate(&conversion.from, said)?;
     let differs = |fps: &f64| (fps - said).abs() > SAME_RATE * said;
-    match source.fps().filter(differs) {
+    match source.fps.filter(differs) {
         Some(fps) => {
             let what = format!("the frames of this file are at {fps} fps, and --fps says {numerator}/{denominator}");
             let advice = "leave --fps out: at another rate every frame would be at another time";
@@ -279,19 +245,19 @@ fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
 /// The frame rate as a fraction.
 fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), IoError> {
     let refused = |what: String| {
-        IoError::data(source.path(), "frame rate", what, "say it with --fps, for example --fps 24 or --fps 24000/1001")
+        IoError::data(&source.path, "frame rate", what, "say it with --fps, for example --fps 24 or --fps 24000/1001")
     };
     if let Some(said) = said {
         return Ok(said);
     }
-    let fps = source.fps().ok_or_else(|| refused("the file does not tell it".to_owned()))?;
+    let fps = source.fps.ok_or_else(|| refused("the file does not tell it".to_owned()))?;
     rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
 }
 
 /// The mesh with everything that is handed through; points are those of a sample [m]. Its faces, or the triangles that were
 /// simulated.
 fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, bool)) -> Result<MeshData, IoError> {
-    let cache = &source.meshes()[mesh];
+    let cache = &source.meshes[mesh];
     let mut data = source.attributes(mesh)?;
     data.mesh.points = source.positions(mesh, sample)?;
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
@@ -351,16 +317,16 @@ impl Work<'_> {
         let plan = &self.plan;
         for &(sample, frame, sub_frame) in &samples.all {
             self.check_faces(frame, sample)?;
-            let stored = self.source.stored_frame(self.mesh, sample)?;
-            let positions = self.positions(sample)?;
-            if positions.len() != self.source.meshes()[self.mesh].points {
+            let stored = self.source.samples.frame(self.mesh, sample)?;
+            let (is_copied, positions) = self.positions(sample)?;
+            if positions.len() != self.source.meshes[self.mesh].points {
                 return Err(self.changes(frame, &format!("{} points", positions.len())));
             }
             if let Some(point) = first_impossible(&positions) {
                 return Err(self.impossible((frame, sub_frame), point, "position"));
             }
-            let velocities = match (self.source.world_velocities(self.mesh, sample)?, plan.velocities) {
-                (Some(velocities), true) if self.is_copied(sample)? => velocities,
+            let velocities = match (self.source.samples.velocities(self.mesh, sample)?, plan.velocities) {
+                (Some(velocities), true) if is_copied => velocities,
                 (Some(_), true) => {
                     plan.units.stored_all(&self.source.velocities(self.mesh, sample)?.unwrap_or_default())
                 }
@@ -384,50 +350,45 @@ impl Work<'_> {
 
     /// Normals that belong to positions as the new file stores them.
     fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let faces = &self.source.meshes()[self.mesh].faces;
+        let faces = &self.source.meshes[self.mesh].faces;
         normals::at_points(&faces.face_counts, &faces.face_indices, positions)
     }
 
-    /// Whether numbers stay what they are.
-    fn is_copied(&self, sample: usize) -> Result<bool, IoError> {
-        let origin = self.plan.file_origin().unwrap_or_default();
-        let stored = self.source.stored_positions(self.mesh, sample)?;
-        Ok(stored.is_some_and(|stored| (stored.units, stored.origin) == (self.plan.units, origin)))
-    }
-
-    /// Positions of a frame as the new file stores them.
-    fn positions(&self, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
-        if self.is_copied(sample)? {
-            let stored = self.source.stored_positions(self.mesh, sample)?;
-            return Ok(stored.map(|stored| stored.points).unwrap_or_default());
+    /// Positions of a frame as the new file stores them, and whether numbers stay what they are.
+    fn positions(&self, sample: usize) -> Result<(bool, Vec<[f32; 3]>), IoError> {
+        let Self { source, mesh, plan } = self;
+        let form = (plan.units, plan.file_origin().unwrap_or_default());
+        let stored = source.stored_positions(*mesh, sample)?.filter(|stored| (stored.units, stored.origin) == form);
+        if let Some(stored) = stored {
+            return Ok((true, stored.points));
         }
-        let world = self.source.positions(self.mesh, sample)?;
-        Ok(world.iter().map(|x| self.plan.units.stored_from(self.plan.origin, *x)).collect())
+        let world = source.positions(*mesh, sample)?;
+        Ok((false, world.iter().map(|x| plan.units.stored_from(plan.origin, *x)).collect()))
     }
 
     /// Caches of this program keep their points and faces.
     fn check_faces(&self, frame: i64, sample: usize) -> Result<(), IoError> {
-        match self.source.faces(self.mesh, sample)? {
-            Some(faces) if faces != self.source.meshes()[self.mesh].faces => Err(self.changes(frame, "other faces")),
+        match self.source.samples.faces(self.mesh, sample)? {
+            Some(faces) if faces != self.source.meshes[self.mesh].faces => Err(self.changes(frame, "other faces")),
             _ => Ok(()),
         }
     }
 
     fn changes(&self, frame: i64, has: &str) -> IoError {
-        let mesh = &self.source.meshes()[self.mesh];
+        let mesh = &self.source.meshes[self.mesh];
         let (first, points, faces) = (mesh.frames[0], mesh.points, mesh.faces.face_counts.len());
         let what = format!("frame {frame} has {has}, and frame {first} has {points} points and {faces} faces");
         let advice = "a cache of this program keeps its points and faces; export the mesh with one topology";
-        IoError::data(self.source.path(), mesh.name.clone(), what, advice)
+        IoError::data(&self.source.path, mesh.name.clone(), what, advice)
     }
 
     /// A number that no application takes.
     fn impossible(&self, (frame, sub_frame): (i64, usize), point: usize, what: &str) -> IoError {
         let behind = sub_frame.checked_sub(1).map_or(0.0, |number| self.plan.sub_frames[number]);
-        let place = format!("{}, frame {}, point {point}", self.source.meshes()[self.mesh].name, frame as f64 + behind);
+        let place = format!("{}, frame {}, point {point}", self.source.meshes[self.mesh].name, frame as f64 + behind);
         let what = format!("the {what} is not a finite number");
         IoError::data(
-            self.source.path(),
+            &self.source.path,
             place,
             what,
             "choose the frames before it with --frames A-B, or make the cache again",
@@ -436,7 +397,7 @@ impl Work<'_> {
 
     fn lacks(&self, frame: i64, what: &str) -> IoError {
         let what = format!("frame {frame} has no {what}, and the first has");
-        IoError::data(self.source.path(), "frames", what, "choose the frames that have them with --frames A-B")
+        IoError::data(&self.source.path, "frames", what, "choose the frames that have them with --frames A-B")
     }
 }
 

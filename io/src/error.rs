@@ -209,6 +209,22 @@ pub enum IoError {
         /// What to do.
         advice: String,
     },
+    /// A file refers to another one that is not there, or may not be read.
+    #[error(
+        "{}: {place}: {what}\n  \
+         help: {advice}",
+        path.display()
+    )]
+    MissingPart {
+        /// The file that was opened.
+        path: PathBuf,
+        /// Object that refers to the other file.
+        place: String,
+        /// What is missing.
+        what: String,
+        /// What to do.
+        advice: String,
+    },
     /// A file has a format that is not read or written here.
     #[error(
         "{}: {what}\n  \
@@ -226,10 +242,6 @@ pub enum IoError {
     /// An Alembic archive could not be read or written.
     #[error(transparent)]
     Alembic(#[from] AlembicError),
-    /// A stage could not be read.
-    #[cfg(feature = "usd")]
-    #[error(transparent)]
-    UsdRead(#[from] drapery_usd::read::UsdError),
 }
 
 /// Whose fault an error is; it decides the exit code of the command.
@@ -251,7 +263,7 @@ impl IoError {
     /// Whose fault it is.
     pub fn kind(&self) -> IoErrorKind {
         match self {
-            Self::Missing { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
+            Self::Missing { .. } | Self::MissingPart { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Read { source, .. } if is_about_the_name(source) => IoErrorKind::MissingInput,
             Self::Read { .. } | Self::LockGone { .. } => IoErrorKind::Io,
             Self::Create { source, .. } if is_out_of_files(source) => IoErrorKind::Io,
@@ -269,11 +281,6 @@ impl IoError {
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
             Self::Alembic(_) => IoErrorKind::BadInput,
-            #[cfg(feature = "usd")]
-            Self::UsdRead(error) => match error.kind {
-                drapery_usd::read::UsdErrorKind::Missing => IoErrorKind::MissingInput,
-                drapery_usd::read::UsdErrorKind::BadInput => IoErrorKind::BadInput,
-            },
         }
     }
 

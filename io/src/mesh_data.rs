@@ -179,3 +179,38 @@ pub trait MeshReader: Send {
         Vec::new()
     }
 }
+
+/// Two meshes as one; attributes other than UVs and face sets belong to single objects and are dropped.
+pub(crate) fn merge(mut a: MeshData, b: MeshData) -> MeshData {
+    let (points, faces) = (a.mesh.points.len() as u32, a.mesh.face_counts.len() as u32);
+    a.mesh.points.extend(b.mesh.points);
+    a.mesh.face_counts.extend(b.mesh.face_counts);
+    a.mesh.face_indices.extend(b.mesh.face_indices.iter().map(|i| i + points));
+    a.uvs = a.uvs.zip(b.uvs).map(|(mut u, v)| {
+        let values = u.values.len() as u32;
+        u.values.extend(v.values);
+        u.indices.extend(v.indices.iter().map(|i| i + values));
+        u
+    });
+    for set in b.face_sets {
+        let moved = set.faces.iter().map(|face| face + faces);
+        match a.face_sets.iter_mut().find(|known| known.name == set.name) {
+            Some(known) => known.faces.extend(moved),
+            None => a.face_sets.push(FaceSet { faces: moved.collect(), ..set }),
+        }
+    }
+    a.params.clear();
+    a.material = a.material.filter(|material| b.material.as_ref() == Some(material));
+    a.subdivision = a.subdivision.filter(|scheme| b.subdivision.as_ref() == Some(scheme));
+    a
+}
+
+/// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
+pub(crate) fn reverse(face_counts: &[u32], corners: &mut [u32]) {
+    let mut rest = corners;
+    for count in face_counts {
+        let (face, after) = rest.split_at_mut(*count as usize);
+        face.reverse();
+        rest = after;
+    }
+}

@@ -16,7 +16,7 @@ use drapery_core::wind_grid::WindSample;
 use hdf5::{Dataset, Hyperslab};
 
 use crate::error::IoError;
-use crate::formats::hdf5::stored;
+use crate::formats::hdf5::datasets;
 use crate::input_file;
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
@@ -47,13 +47,13 @@ impl WindFile {
         let file = hdf5::File::open(path).map_err(damaged)?;
         let numbers = |name: &str| {
             let dataset = file.dataset(name)?;
-            stored::check_stored(&dataset)?;
+            datasets::check_stored(&dataset)?;
             dataset.read_raw::<f64>()
         };
         let [origin, spacing, times] = [numbers("origin"), numbers("spacing"), numbers("times")];
         let (origin, spacing, times) = (origin.map_err(damaged)?, spacing.map_err(damaged)?, times.map_err(damaged)?);
         let velocity = file.dataset("velocity").map_err(damaged)?;
-        stored::check_stored(&velocity).map_err(damaged)?;
+        datasets::check_stored(&velocity).map_err(damaged)?;
         let wrong = |place: &str, what: String| Err(IoError::data(path, place, what, ADVICE));
         let vector = |numbers: &[f64]| {
             let vector = <[f64; 3]>::try_from(numbers).ok().map(Vec3::from);

@@ -39,15 +39,13 @@ mod tests {
     use super::*;
     use crate::cache::{CacheFrame, CachePlan, CacheWriter};
     use crate::error::IoErrorKind;
-    use crate::formats::by_extension;
+    use crate::formats::{FORMATS, by_extension};
     use crate::garment_mesh::GarmentMesh;
     use crate::mesh_data::MeshData;
     use crate::units::Units;
     use drapery_core::Vec3;
     use drapery_core::mesh::PolygonMesh;
     use drapery_core::scene::Timeline;
-
-    const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd"] } else { &["abc", "h5"] };
 
     /// A cache of which two frames are written, in a folder that it has for itself.
     fn begun(folder: &Path, extension: &str) -> (Box<dyn CacheWriter>, std::path::PathBuf) {
@@ -89,7 +87,7 @@ mod tests {
             ("removed this file", |path| fs::remove_file(path).unwrap()),
             ("cut this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
         ];
-        for extension in FORMATS {
+        for extension in FORMATS.iter().filter(|format| format.create.is_some()).map(|format| format.extension) {
             for (when, step) in steps {
                 for (what, harm) in harms {
                     let folder = tempfile::tempdir().unwrap();
@@ -107,9 +105,11 @@ mod tests {
         }
     }
 
-    #[cfg(feature = "usd")]
     #[test]
     fn a_clip_that_is_removed_is_missed_at_the_end() {
+        if by_extension("usd").is_none() {
+            return;
+        }
         let folder = tempfile::tempdir().unwrap();
         let (mut writer, path) = begun(folder.path(), "usd");
         let clips = fs::read_dir(path.with_extension("clips")).unwrap().next().unwrap().unwrap().path();

@@ -6,7 +6,7 @@ use drapery_alembic::{Archive, PolyMesh, TopologyVariance};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
-use drapery_io::formats::alembic_writer::AlembicWriter;
+use drapery_io::formats::alembic::AlembicWriter;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::{DataType, MeshData, MeshParam, Scope};
 use drapery_io::mesh_source::MeshSource;

@@ -172,7 +172,7 @@ fn frames_seen(path: &Path) -> i64 {
     if path.extension().is_some_and(|extension| extension == "usd") {
         let cache = CacheFrames::open(path).unwrap();
         assert_eq!(cache.positions(0, 0).unwrap().len(), 8);
-        return cache.meshes()[0].frames.len() as i64;
+        return cache.meshes[0].frames.len() as i64;
     }
     let file = hdf5::File::open(path).unwrap();
     assert_eq!(file.dataset("positions").unwrap().shape()[1..], [8, 3]);

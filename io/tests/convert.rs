@@ -99,12 +99,12 @@ fn every_format_becomes_every_other_with_the_same_bits() {
                 let b = folder.path().join(format!("other.{to}"));
                 assert_eq!(converted(&a, &b).frames, [1001, 1004]);
                 let (a, b) = (CacheFrames::open(&a).unwrap(), CacheFrames::open(&b).unwrap());
-                assert_eq!(a.meshes(), b.meshes(), "{from} to {to}");
-                assert_eq!((a.units(), a.fps()), (b.units(), b.fps()), "{from} to {to}");
+                assert_eq!(a.meshes, b.meshes, "{from} to {to}");
+                assert_eq!((a.units(), a.fps), (b.units(), b.fps), "{from} to {to}");
                 for sample in 0..4 {
                     assert_eq!(
-                        a.stored_frame(0, sample).unwrap(),
-                        b.stored_frame(0, sample).unwrap(),
+                        a.samples.frame(0, sample).unwrap(),
+                        b.samples.frame(0, sample).unwrap(),
                         "{from} to {to}"
                     );
                     assert_eq!(a.positions(0, sample).unwrap(), b.positions(0, sample).unwrap(), "{from} to {to}");
@@ -138,7 +138,7 @@ fn unit_axis_and_frames_are_those_that_are_asked_for() {
         assert_eq!(convert(&conversion, &mut |frame| heard.push(frame)).unwrap().units, Units::SI);
         assert_eq!(heard, [1002, 1003]);
         let (old, new) = (CacheFrames::open(&from).unwrap(), CacheFrames::open(&to).unwrap());
-        assert_eq!(new.meshes()[0].frames, [1002, 1003]);
+        assert_eq!(new.meshes[0].frames, [1002, 1003]);
         let stored = new.stored_positions(0, 0).unwrap().unwrap().points;
         for (p, expected) in stored.iter().zip(old.positions(0, 1).unwrap()) {
             // Rounded once as centimetres and once as metres, below 4 m.
@@ -186,8 +186,8 @@ fn what_is_there_is_replaced_only_when_asked_and_a_conversion_that_fails_leaves_
 
 /// Everything of all samples, frames first.
 fn samples_of(cache: &CacheFrames) -> Vec<StoredFrame> {
-    let mesh = &cache.meshes()[0];
-    (0..mesh.frames.len() + mesh.between.len()).map(|sample| cache.stored_frame(0, sample).unwrap()).collect()
+    let mesh = &cache.meshes[0];
+    (0..mesh.frames.len() + mesh.between.len()).map(|sample| cache.samples.frame(0, sample).unwrap()).collect()
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn samples_between_frames_are_kept_where_the_format_holds_them_and_else_named() 
         let path = write_samples(folder.path(), from, (Vec3::zeros(), &[0.25, 0.7]), f32::is_finite);
         let a = CacheFrames::open(&path).unwrap();
         let between = [1001, 1002, 1003].map(|frame| [0.25, 0.7].map(|behind| (frame, behind))).concat();
-        let found: Vec<(i64, f64)> = a.meshes()[0].between.iter().map(|at| (at.frame, at.behind)).collect();
+        let found: Vec<(i64, f64)> = a.meshes[0].between.iter().map(|at| (at.frame, at.behind)).collect();
         assert_eq!(found.len(), between.len(), "{found:?}");
         let is_near = |((frame, behind), (expected, at)): (&(i64, f64), &(i64, f64))| {
             // Seconds of frame 1001 are good to 1e-14, and these are frames.
@@ -209,7 +209,7 @@ fn samples_between_frames_are_kept_where_the_format_holds_them_and_else_named() 
             let b = folder.path().join(format!("other.{to}"));
             assert_eq!(converted(&path, &b).left_out, [] as [String; 0]);
             let b = CacheFrames::open(&b).unwrap();
-            assert_eq!(b.meshes()[0].between.len(), 6, "{from} to {to}");
+            assert_eq!(b.meshes[0].between.len(), 6, "{from} to {to}");
             assert_eq!(samples_of(&a), samples_of(&b), "{from} to {to}");
         }
         let b = folder.path().join("other.h5");

@@ -67,7 +67,7 @@ fn converted(from: &Path, to: &Path, fps: Option<(u32, u32)>) -> Result<Converte
 /// Frame or sample between frames, and the first point there.
 fn places(path: &Path) -> Vec<(f64, [f64; 3])> {
     let cache = CacheFrames::open(path).unwrap();
-    let mesh = &cache.meshes()[0];
+    let mesh = &cache.meshes[0];
     let between = mesh.between.iter().map(|at| at.frame as f64 + at.behind);
     let frames = mesh.frames.iter().map(|frame| *frame as f64).chain(between);
     let mut all: Vec<_> = frames.enumerate().map(|(k, at)| (at, cache.positions(0, k).unwrap()[0].into())).collect();
@@ -203,5 +203,21 @@ fn a_rate_that_would_move_frames_of_a_cache_in_time_is_refused() {
         assert!(error.contains("at 24 fps") && error.contains("25/1") && !to.exists(), "{error}");
         converted(&cache, &to, Some((24, 1))).unwrap();
         fs::remove_file(to).unwrap();
+    }
+}
+
+#[test]
+fn a_mesh_without_samples_is_refused_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = folder.path().join("empty.abc");
+    let mut archive = ArchiveWriter::create(&from, &ArchiveOptions::default()).unwrap();
+    let root = archive.root();
+    PolyMeshWriter::declare(&mut archive, root, "cloth", 0).unwrap();
+    archive.finish(Durability::Flushed).unwrap();
+    for to in FORMATS {
+        let to = folder.path().join(format!("to.{to}"));
+        let error = converted(&from, &to, Some((24, 1))).unwrap_err();
+        assert_eq!(error.kind(), IoErrorKind::BadInput, "{error}");
+        assert!(error.to_string().contains("empty.abc") && !to.exists(), "{error}");
     }
 }

@@ -74,8 +74,8 @@ fn a_mesh_under_a_parent_that_turns_is_where_it_is_and_as_fast_in_every_format()
     for path in caches {
         let cache = CacheFrames::open(&path).unwrap();
         let name = path.display();
-        assert_eq!((cache.fps(), cache.meshes().len()), (Some(24.0), 1), "{name}");
-        assert_eq!(cache.meshes()[0].frames, [1, 2, 3, 4, 5], "{name}");
+        assert_eq!((cache.fps, cache.meshes.len()), (Some(24.0), 1), "{name}");
+        assert_eq!(cache.meshes[0].frames, [1, 2, 3, 4, 5], "{name}");
         for (sample, frame) in (1..=5).enumerate() {
             let (place, rate) = expected([1.1, 0.1], frame);
             let (positions, velocities) =
@@ -107,15 +107,15 @@ fn time_codes_are_frames_by_the_rates_of_the_stage_and_samples_tell_where_it_doe
         &TURNING.replace("upAxis", rates).replace("endTimeCode = 5", "endTimeCode = 10"),
     );
     let cache = CacheFrames::open(&path).unwrap();
-    assert_eq!((cache.fps(), cache.codes_per_frame()), (Some(24.0), 2.0));
-    assert_eq!(cache.meshes()[0].frames, [1, 2, 3, 4, 5]);
+    assert_eq!((cache.fps, cache.codes_per_frame), (Some(24.0), 2.0));
+    assert_eq!(cache.meshes[0].frames, [1, 2, 3, 4, 5]);
     // Frame 2 is code 4: three quarters of 40 degrees.
     let place = cache.positions(0, 1).unwrap()[0];
     assert!((place - Vec3::new(30.0_f64.to_radians().cos(), 0.0, -0.5)).norm() < 1e-7, "{place}");
     let path = written(folder.path(), "open.usda", &TURNING.replace("startTimeCode = 1\n    endTimeCode = 5", ""));
     let cache = CacheFrames::open(&path).unwrap();
-    assert_eq!(cache.meshes()[0].frames, [1, 2, 3, 4, 5]);
-    assert!(cache.notes().iter().any(|note| note.contains("first and last time code")), "{:?}", cache.notes());
+    assert_eq!(cache.meshes[0].frames, [1, 2, 3, 4, 5]);
+    assert!(cache.notes.iter().any(|note| note.contains("first and last time code")), "{:?}", cache.notes);
     let endless = TURNING.replace("endTimeCode = 5", "endTimeCode = 1e12");
     let error = CacheFrames::open(&written(folder.path(), "endless.usda", &endless)).unwrap_err().to_string();
     assert!(error.contains("/set/cloth") && error.contains("100000 frames"), "{error}");
@@ -159,13 +159,13 @@ fn what_cannot_be_a_cache_is_refused_by_name_and_nothing_is_left() {
     }
     // All that is missing concerns a comparison; the mesh itself does not need it.
     let cache = CacheFrames::open(&written(folder.path(), "missing.usda", &missing)).unwrap();
-    assert!(cache.check_complete(Some(0)).is_ok());
-    assert!(cache.check_complete(None).unwrap_err().to_string().contains("nowhere.usda"));
+    assert!(cache.samples.check_complete(Some(&cache.meshes[0].name)).is_ok());
+    assert!(cache.samples.check_complete(None).unwrap_err().to_string().contains("nowhere.usda"));
     // Both meshes fit into one layer.
     let both = converted(&written(folder.path(), "two.usda", &two), &folder.path().join("both.usdc")).unwrap();
     assert_eq!(both.points, 7);
     let cache = CacheFrames::open(&folder.path().join("both.usdc")).unwrap();
-    assert_eq!(cache.meshes().iter().map(|mesh| mesh.name.as_str()).collect::<Vec<_>>(), ["/set/cloth", "/set/other"]);
+    assert_eq!(cache.meshes.iter().map(|mesh| mesh.name.as_str()).collect::<Vec<_>>(), ["/set/cloth", "/set/other"]);
 }
 
 /// A sheet for everything, one for viewports and one that nobody sees, bound to materials of which one is not there.
@@ -233,8 +233,7 @@ fn meshes_of_all_purposes_are_converted_with_theirs_and_what_is_hidden_is_told()
     assert!(messages.iter().any(|what| what == "/char/nobody is left out: it is invisible"), "{messages:?}");
     for path in [&from, &to] {
         let cache = CacheFrames::open(path).unwrap();
-        let meshes: Vec<_> =
-            cache.meshes().iter().map(|mesh| mesh.name.as_str()).zip((0..).map(|k| cache.purpose(k))).collect();
+        let meshes: Vec<_> = cache.meshes.iter().map(|mesh| (mesh.name.as_str(), mesh.purpose.as_deref())).collect();
         assert_eq!(meshes, [("/char/cape", None), ("/char/rough", Some("proxy"))]);
     }
 }

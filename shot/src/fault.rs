@@ -133,7 +133,9 @@ impl From<IoError> for Fault {
     fn from(error: IoError) -> Self {
         let (kind, message) = (FaultKind::of_io(&error), error.to_string());
         match &error {
-            IoError::Data { path, place, .. } => Self::of_file(kind, message, path, place),
+            IoError::Data { path, place, .. } | IoError::MissingPart { path, place, .. } => {
+                Self::of_file(kind, message, path, place)
+            }
             IoError::Missing { path } | IoError::Read { path, .. } | IoError::Write { path, .. } => {
                 Self::of_file(kind, message, path, "")
             }
@@ -194,6 +196,9 @@ mod tests {
         assert_eq!(parts(ShotError::from(short).into()), (80, None, Some(5), None));
         let data = IoError::data(Path::new("a.obj"), "face 12", "it has 2 corners", "export it again");
         assert_eq!(parts(data.into()), (65, Some("a.obj".into()), None, Some(12)));
+        let (path, place) = ("set.usda".into(), "/set/chair".to_owned());
+        let part = IoError::MissingPart { path, place, what: "no chair.usdc".into(), advice: "put it there".into() };
+        assert_eq!(parts(part.into()), (66, Some("set.usda".into()), None, None));
         let missing = IoError::Missing { path: "b.abc".into() };
         assert_eq!(parts(missing.into()), (66, Some("b.abc".into()), None, None));
     }

@@ -55,7 +55,7 @@ impl RecordedCache<'_> {
     /// The file is missing, cannot be read as a whole, or what is the same in all frames is not what was written.
     pub fn compare(&self, record: &Record, [first, last]: [i64; 2], only_first: bool) -> Result<Compared, IoError> {
         let cache = CacheFrames::open_at(self.path, self.root)?;
-        cache.check_constants()?;
+        cache.samples.check_constants()?;
         let (mut compared, mut recorded) = (Compared::default(), Vec::new());
         for row in record.frames.iter().filter(|row| (first..=last).contains(&row.frame)) {
             let Some(digests) = row.digests.get(self.garment) else { continue };
@@ -79,7 +79,7 @@ impl RecordedCache<'_> {
     /// What is wrong with the samples between a frame and the next. Behind the last frame fewer may be there than were recorded: those
     /// of a frame that is being computed.
     fn fault_behind(&self, cache: &CacheFrames, row: &FrameRow, is_last: bool) -> Option<String> {
-        let mesh = &cache.meshes()[0];
+        let mesh = &cache.meshes[0];
         let behind = || mesh.between.iter().enumerate().filter(|(_, at)| at.frame == row.frame);
         let recorded = row.samples.iter().filter_map(|(number, all)| Some((*number, all.get(self.garment)?)));
         for (number, digests) in recorded.filter(|_| !formats::holds_whole_frames(self.path)) {
@@ -99,7 +99,7 @@ impl RecordedCache<'_> {
 
 /// What is wrong with a frame.
 fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Option<String> {
-    let Ok(sample) = cache.meshes()[0].frames.binary_search(&row.frame) else {
+    let Ok(sample) = cache.meshes[0].frames.binary_search(&row.frame) else {
         return Some("it is missing".to_owned());
     };
     fault_of(cache, sample, digests, row.counts.get(CROSSINGS_WRITTEN).copied())
@@ -107,11 +107,11 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
 
 /// What is wrong with a sample, of which so many crossings were counted, if that is known.
 fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counted: Option<u64>) -> Option<String> {
-    let Ok(stored) = cache.stored_frame(0, sample) else {
+    let Ok(stored) = cache.samples.frame(0, sample) else {
         return Some("it cannot be read".to_owned());
     };
     let StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points } = stored;
-    let faces = &cache.meshes()[0].faces;
+    let faces = &cache.meshes[0].faces;
     let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
     let differs = |what: &str| Some(format!("the {what} not those that were written"));

@@ -126,7 +126,7 @@ fn every_format_holds_the_same_numbers_and_changed_ones_are_noticed() {
     for format in formats() {
         let path = out.join(format!("sheet_render.{format}"));
         let cache = CacheFrames::open(&path).unwrap();
-        let frames: Vec<_> = (0..5).map(|sample| cache.stored_frame(0, sample).unwrap()).collect();
+        let frames: Vec<_> = (0..5).map(|sample| cache.samples.frame(0, sample).unwrap()).collect();
         for frame in &frames {
             let normals = frame.normals.as_ref().unwrap();
             assert_eq!((normals.len(), frame.velocities.as_ref().unwrap().len()), (81, 81), "{format}");
@@ -141,7 +141,7 @@ fn every_format_holds_the_same_numbers_and_changed_ones_are_noticed() {
         assert_eq!(recorded.compare(&record, FRAMES, false).unwrap().sound, 5, "{format}");
     }
     let plain = CacheFrames::open(&out.join("sheet.h5")).unwrap();
-    assert_eq!(plain.stored_frame(0, 0).unwrap().normals, None, "garments have none");
+    assert_eq!(plain.samples.frame(0, 0).unwrap().normals, None, "garments have none");
     // The last normal of the last frame but one.
     let path = out.join("sheet_render.h5");
     let (mut bytes, normals) = (fs::read(&path).unwrap(), first.unwrap()[3].2.clone().unwrap());
@@ -195,8 +195,8 @@ fn samples_between_frames_are_bound_to_the_cloth_as_it_is_then() {
     for format in formats().into_iter().filter(|format| *format != "h5") {
         let open = |name: &str| CacheFrames::open(&out.join(format!("{name}.{format}"))).unwrap();
         let (plain, render) = (open("sheet"), open("sheet_render"));
-        let between = &render.meshes()[0].between;
-        assert_eq!((between, between.len()), (&plain.meshes()[0].between, 8), "{format}");
+        let between = &render.meshes[0].between;
+        assert_eq!((between, between.len()), (&plain.meshes[0].between, 8), "{format}");
         let first = between[0];
         assert!(first.frame == 1001 && (first.behind - 0.25).abs() < 1e-9, "{format}");
         for sample in 0..13 {
@@ -207,7 +207,7 @@ fn samples_between_frames_are_bound_to_the_cloth_as_it_is_then() {
             // less than that.
             let off = found.iter().zip(&expected).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             assert!(off < 1e-6, "{format}, sample {sample}: {off}");
-            assert!(render.stored_frame(0, sample).unwrap().normals.is_some(), "{format}");
+            assert!(render.samples.frame(0, sample).unwrap().normals.is_some(), "{format}");
         }
         // Not those of the frame before: it turns.
         let [frame, behind] = [0, 5].map(|sample| render.positions(0, sample).unwrap());

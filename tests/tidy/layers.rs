@@ -7,7 +7,7 @@ use drapery_tests::effect_names::named_outside_their_rooms;
 use drapery_tests::structure::{Module, Modules, members};
 
 use crate::dependencies::manifest;
-use crate::tree::{report, root};
+use crate::tree::{SourceFile, report, root, rust_files};
 
 /// The rooms of the solver, lowest first: each may import those before it alone. Read upwards, this is how the solver is built
 /// (`docs/dev/architecture.md`).
@@ -64,11 +64,11 @@ const IO_ROOMS: [&str; 28] = [
     "mesh_cut",
     "garment_mesh",
     "cache",
+    "cache_frames",
     "file_summary",
     "formats",
     "dump_file",
     "mesh_source",
-    "cache_frames",
     "convert",
     "checkpoint",
     "materials",
@@ -111,13 +111,10 @@ const SHOT_ROOMS: [&str; 24] = [
 /// The rooms of what is said of results.
 const ANALYSIS_ROOMS: [&str; 7] = ["page", "local_run", "bits", "verify", "diff", "report", "study"];
 
-/// Rooms whose files are one piece: an archive, its objects and their properties hold each other, so do the parts of a stage; behind a
-/// handle is an object of any kind, and all kinds make handles.
-const WHOLE: [(&str, &[&str]); 3] = [
-    ("io/alembic", &["reader"]),
-    ("io/usd", &["read"]),
-    ("plugins/capi", &["errors", "handles", "scene", "simulation"]),
-];
+/// Rooms whose files are one piece: an archive, its objects and their properties hold each other; behind a handle is an object of any
+/// kind, and all kinds make handles.
+const WHOLE: [(&str, &[&str]); 2] =
+    [("io/alembic", &["reader"]), ("plugins/capi", &["errors", "handles", "scene", "simulation"])];
 
 /// A crate whose rooms are held.
 struct Held {
@@ -264,4 +261,11 @@ fn what_is_known_of_an_effect_stands_in_its_room() {
     let times: usize = named.iter().map(|(_, times)| times).sum();
     let files: Vec<String> = named.iter().map(|(file, times)| format!("{}: {times}", file.display())).collect();
     assert!(times <= NAMES_OF_EFFECTS, "effects are named {times} times outside their rooms:\n{}", files.join("\n"));
+}
+
+#[test]
+fn what_a_build_without_usd_lacks_is_a_folder_of_the_formats_and_its_rows() {
+    let asks = |file: &SourceFile| file.name.starts_with("io/src/") && file.text.contains("feature = \"usd\"");
+    let asking: Vec<String> = rust_files().into_iter().filter(asks).map(|file| file.name).collect();
+    assert_eq!(asking, ["io/src/formats/mod.rs"]);
 }

@@ -32,7 +32,7 @@ struct Pair {
 /// Two caches. Where one does not tell its frame rate, its times are taken in frames of the other.
 fn opened(a: &Path, b: &Path) -> Result<(CacheFrames, CacheFrames), IoError> {
     let (a_frames, b_frames) = (CacheFrames::open(a)?, CacheFrames::open(b)?);
-    Ok(match (a_frames.fps(), b_frames.fps()) {
+    Ok(match (a_frames.fps, b_frames.fps) {
         (None, Some(fps)) => (CacheFrames::open_at_rate(a, fps)?, b_frames),
         (Some(fps), None) => (a_frames, CacheFrames::open_at_rate(b, fps)?),
         _ => (a_frames, b_frames),
@@ -42,8 +42,8 @@ fn opened(a: &Path, b: &Path) -> Result<(CacheFrames, CacheFrames), IoError> {
 /// Compares all meshes of two caches in all frames that both have, and in all samples between them.
 pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
     let (a_frames, b_frames) = opened(a, b)?;
-    a_frames.check_complete(None)?;
-    b_frames.check_complete(None)?;
+    a_frames.samples.check_complete(None)?;
+    b_frames.samples.check_complete(None)?;
     let mut pair =
         Pair { a: a_frames, b: b_frames, notes: Vec::new(), frames: BTreeMap::new(), squares: BTreeMap::new() };
     for (index_a, index_b) in pair.match_meshes() {
@@ -104,7 +104,7 @@ fn verdict(compared: &PartComparison, tolerance: f64) -> Verdict {
 impl Pair {
     /// Meshes of the same path, or the only ones of both sides. Others are noted.
     fn match_meshes(&mut self) -> Vec<(usize, usize)> {
-        let (a, b) = (self.a.meshes(), self.b.meshes());
+        let (a, b) = (&self.a.meshes, &self.b.meshes);
         if a.len() == 1 && b.len() == 1 {
             return vec![(0, 0)];
         }
@@ -120,11 +120,11 @@ impl Pair {
     }
 
     fn compare_mesh(&mut self, index_a: usize, index_b: usize) -> Result<(), IoError> {
-        let (mesh_a, mesh_b) = (self.a.meshes()[index_a].clone(), self.b.meshes()[index_b].clone());
+        let (mesh_a, mesh_b) = (self.a.meshes[index_a].clone(), self.b.meshes[index_b].clone());
         let name = &mesh_a.name;
         self.notes.extend(missing_frames(name, &mesh_a.frames, &mesh_b.frames));
         // What a format cannot hold is not missing in its files.
-        if ![&self.a, &self.b].iter().any(|side| formats::holds_whole_frames(side.path())) {
+        if ![&self.a, &self.b].iter().any(|side| formats::holds_whole_frames(&side.path)) {
             self.notes.extend(missing_between(name, &mesh_a.between, &mesh_b.between));
         }
         if mesh_a.points != mesh_b.points {

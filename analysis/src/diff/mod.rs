@@ -178,9 +178,8 @@ impl PartComparison {
 
 /// Whether a file may be made of others that are not in a folder of its own: a stage whose layers may lie anywhere.
 fn refers_to_others(path: &Path) -> bool {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_alone = || formats::folder_of(path).is_some_and(|folder| folder.is_dir());
-    extension.starts_with("usd") && extension != "usdz" && !is_alone()
+    formats::of_file(path).is_some_and(|format| format.refers_to_others) && !is_alone()
 }
 
 /// Whether the folders that belong to two caches, if there are any, hold the same files with the same bytes.

@@ -86,7 +86,7 @@ fn garments(folder: &RunFolder) -> Vec<Garment> {
 
 /// Frames that every garment has.
 fn common_frames(garments: &[Garment]) -> Vec<i64> {
-    let mut meshes = garments.iter().flat_map(|garment| garment.cache.meshes());
+    let mut meshes = garments.iter().flat_map(|garment| &garment.cache.meshes);
     let Some(first) = meshes.next() else { return Vec::new() };
     let mut frames = first.frames.clone();
     for mesh in meshes {
@@ -104,7 +104,7 @@ fn spread(frames: &[i64], most: usize) -> Vec<i64> {
 
 /// Positions of all meshes of a garment at a frame; `None` if one cannot be read.
 fn positions(garment: &Garment, frame: i64) -> Option<Vec<Vec<Vec3>>> {
-    let meshes = garment.cache.meshes().iter().enumerate();
+    let meshes = garment.cache.meshes.iter().enumerate();
     let read = |(index, mesh): (usize, &drapery_io::cache_frames::CacheMesh)| {
         let sample = mesh.frames.binary_search(&frame).ok()?;
         garment.cache.positions(index, sample).ok()
@@ -137,7 +137,7 @@ fn draw(folder: &RunFolder, garments: &[Garment], frames: &[i64]) -> Vec<(i64, V
     let mut pictures = Vec::new();
     for ((frame, pose), bodies) in poses.iter().zip(&meshes) {
         let cloth = garments.iter().zip(pose).flat_map(|(garment, pose)| {
-            garment.cache.meshes().iter().zip(pose).map(|(mesh, positions)| Surface {
+            garment.cache.meshes.iter().zip(pose).map(|(mesh, positions)| Surface {
                 positions,
                 triangles: &mesh.triangles,
                 colour: garment.colour,

@@ -44,12 +44,12 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
 
 /// What a stage is to applications: time codes are their frames, and they read unit and axis.
 pub(super) fn of_stage(stage: &CacheFrames, prefix: &str) -> String {
-    let rate = stage.fps().map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
+    let rate = stage.fps.map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
     format!(
         "{prefix}{rate}in {}, which applications read from USD; Blender makes it metres with Z up, and a time code its \
          frame of this \
          number",
-        stage.unit_in_words()
+        stage.input_units
     )
 }
 

@@ -11,9 +11,9 @@ use drapery_alembic::{IDENTITY, Matrix, PolyMesh, TopologyVariance, transform_po
 use drapery_core::Vec3;
 use drapery_core::geometry::crossings::Crossing;
 use drapery_core::geometry::face_cuts::{CutCrossings, FaceSearch};
-use drapery_io::cache_frames::{CacheFrames, faces_of, triangles_of};
+use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
-use drapery_io::formats::alembic::{render_mesh_of, sample_times};
+use drapery_io::formats::alembic::{faces_of, render_mesh_of, sample_times, triangles_of};
 use drapery_io::mesh_data::MeshReader;
 
 use super::{Cache, Verification};
@@ -27,7 +27,7 @@ pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut
     for cache in caches {
         sheets.extend(cache.meshes.iter().filter_map(|mesh| Sheet::open(cache, mesh)));
         if let Some(stage) = &cache.stage {
-            sheets.extend((0..stage.meshes().len()).filter_map(|mesh| Sheet::of_stage(cache, stage, mesh)));
+            sheets.extend((0..stage.meshes.len()).filter_map(|mesh| Sheet::of_stage(cache, stage, mesh)));
         }
     }
     let mut body = body.map(Body::open).transpose()?;
@@ -79,7 +79,7 @@ struct StageMesh<'a> {
 impl StageMesh<'_> {
     fn points(&self, sample: usize) -> Option<Vec<Vec3>> {
         if self.origin.is_none() {
-            return self.stage.world_positions(self.mesh, sample).ok();
+            return self.stage.samples.world(self.mesh, sample).ok();
         }
         let stored = self.stage.stored_positions(self.mesh, sample).ok()??;
         Some(stored.points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
@@ -107,9 +107,9 @@ impl Mesh<'_> {
                 let sample = mesh.time_sampling().near_index(time, mesh.sample_count());
                 (is_still || (mesh.time(sample) - time).abs() < SAME_TIME).then_some(sample)
             }
-            Self::Stage(StageMesh { stage, mesh, .. }) if !stage.moves(mesh) => Some(0),
+            Self::Stage(StageMesh { stage, mesh, .. }) if stage.meshes[mesh].is_still => Some(0),
             Self::Stage(StageMesh { stage, mesh, duration, .. }) => {
-                let frames = &stage.meshes()[mesh].frames;
+                let frames = &stage.meshes[mesh].frames;
                 frames.iter().position(|frame| (*frame as f64 * duration - time).abs() < SAME_TIME)
             }
         }
@@ -131,7 +131,7 @@ impl Mesh<'_> {
     fn start(self) -> f64 {
         match self {
             Self::Archive(mesh) => mesh.time(0),
-            Self::Stage(StageMesh { stage, mesh, duration, .. }) => stage.meshes()[mesh].frames[0] as f64 * duration,
+            Self::Stage(StageMesh { stage, mesh, duration, .. }) => stage.meshes[mesh].frames[0] as f64 * duration,
         }
     }
 }
@@ -159,9 +159,9 @@ impl<'a> Sheet<'a> {
 
     /// A mesh of a stage; `None` if its first frame cannot be read, which breaks other rules.
     fn of_stage(cache: &Cache, stage: &'a CacheFrames, mesh: usize) -> Option<Self> {
-        let described = &stage.meshes()[mesh];
+        let described = &stage.meshes[mesh];
         // Guides are no surfaces that anybody sees.
-        if stage.purpose(mesh) == Some("guide") {
+        if described.purpose.as_deref() == Some("guide") {
             return None;
         }
         let duration = 1.0 / cache.fps?;
@@ -169,11 +169,11 @@ impl<'a> Sheet<'a> {
         let points = Mesh::Stage(StageMesh { stage, mesh, duration, origin });
         let faces = (described.faces.face_counts.as_slice(), described.faces.face_indices.as_slice());
         let search = FaceSearch::new(faces, described.triangles.clone(), points.stored(0)?);
-        let shown = if stage.moves(mesh) { described.frames.as_slice() } else { &[] };
+        let shown = if described.is_still { &[] } else { described.frames.as_slice() };
         let times = shown.iter().map(|frame| *frame as f64 * duration).collect();
         let name = format!("{}{}", cache.prefix, described.name);
         let render_mesh_of = stage.attributes(mesh).ok()?.render_mesh_of;
-        let purpose = stage.purpose(mesh).map(str::to_owned);
+        let purpose = described.purpose.clone();
         Some(Self { name, mesh: points, search, times, render_mesh_of, purpose })
     }
 

@@ -10,13 +10,13 @@ use super::{Cache, Motion, Verification, applications};
 /// Opens a stage and checks the rules that concern it alone.
 pub(super) fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
     let stage = CacheFrames::open(path)?;
-    let fps = stage.fps();
+    let fps = stage.fps;
     found.facts.push(applications::of_stage(&stage, &prefix));
-    found.warnings.extend(stage.notes().iter().map(|note| format!("{prefix}{note}")));
-    if let Err(error) = stage.check_complete(None).and_then(|()| stage.check_constants()) {
+    found.warnings.extend(stage.notes.iter().map(|note| format!("{prefix}{note}")));
+    if let Err(error) = stage.samples.check_complete(None).and_then(|()| stage.samples.check_constants()) {
         found.failures.push(format!("{prefix}{error}"));
     }
-    for (mesh, described) in stage.meshes().iter().enumerate() {
+    for (mesh, described) in stage.meshes.iter().enumerate() {
         let check = MeshCheck { stage: &stage, mesh, described, name: format!("{prefix}{}", described.name) };
         check.times(found);
         check.faces(found);
@@ -37,13 +37,12 @@ impl MeshCheck<'_> {
     /// What time is what: an application goes by time codes, and takes the rate from the stage.
     fn times(&self, found: &mut Verification) {
         let (name, frames) = (&self.name, &self.described.frames);
-        if !self.stage.moves(self.mesh) {
+        if self.stage.meshes[self.mesh].is_still {
             return found.facts.push(format!("{name}: it does not move"));
         }
         let (first, last) = (frames[0], frames[frames.len() - 1]);
-        let seconds =
-            |frame: i64| self.stage.fps().map_or(String::new(), |fps| format!(", {:.6} s", frame as f64 / fps));
-        let code = |frame: i64| frame as f64 * self.stage.codes_per_frame();
+        let seconds = |frame: i64| self.stage.fps.map_or(String::new(), |fps| format!(", {:.6} s", frame as f64 / fps));
+        let code = |frame: i64| frame as f64 * self.stage.codes_per_frame;
         let time_code = |frame: i64| format!("frame {frame} is time code {}{}", code(frame), seconds(frame));
         let between = match self.described.between.len() {
             0 => String::new(),
@@ -81,14 +80,14 @@ impl MeshCheck<'_> {
     /// Positions, velocities and extents of every sample; ends at the first that is wrong.
     fn frames(&self, fps: Option<f64>, found: &mut Verification) {
         let name = &self.name;
-        let moves = self.stage.moves(self.mesh);
+        let moves = !self.stage.meshes[self.mesh].is_still;
         let mut motion = Motion::default();
         let mut recent: Vec<StoredFrame> = Vec::new();
         let mut without_velocities = false;
         // What does not move is the same in all frames.
         let shown = if moves { self.described.frames.len() } else { 1 };
         for (sample, frame) in self.described.frames.iter().enumerate().take(shown) {
-            let stored = match self.stage.stored_frame(self.mesh, sample) {
+            let stored = match self.stage.samples.frame(self.mesh, sample) {
                 Ok(stored) => stored,
                 Err(error) => return found.failures.push(format!("{name}: frame {frame}: {error}")),
             };
@@ -106,7 +105,7 @@ impl MeshCheck<'_> {
         }
         for (index, at) in self.described.between.iter().enumerate() {
             let sample = self.described.frames.len() + index;
-            let stored = self.stage.stored_frame(self.mesh, sample).map_err(|error| error.to_string());
+            let stored = self.stage.samples.frame(self.mesh, sample).map_err(|error| error.to_string());
             let what = match stored {
                 Ok(stored) => self.wrong_with(sample, &stored),
                 Err(error) => Some(error),
@@ -128,7 +127,7 @@ impl MeshCheck<'_> {
         if has != points {
             return Some(format!("the number of points changes from {points} to {has}"));
         }
-        match self.stage.faces(self.mesh, sample) {
+        match self.stage.samples.faces(self.mesh, sample) {
             Err(error) => return Some(error.to_string()),
             Ok(Some(faces)) if faces != self.described.faces => {
                 return Some("the faces change; caches need the same points and faces in every frame".to_owned());

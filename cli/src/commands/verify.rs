@@ -5,6 +5,7 @@ use std::path::Path;
 
 use drapery_analysis::verify::{self, Verification};
 use drapery_io::error::{IoError, IoErrorKind};
+use drapery_io::formats::of_file;
 
 use crate::args::VerifyArgs;
 use crate::exit_code::ExitCode;
@@ -15,10 +16,12 @@ use crate::say;
 pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     let paths: Vec<&Path> = args.files.iter().map(AsRef::as_ref).collect();
     let mut found = Verification::default();
-    // Of HDF5 caches there are no rules but those of the record.
-    let alembic: Vec<&Path> = paths.iter().copied().filter(|path| args.record.is_none() || !is_hdf5(path)).collect();
-    if !alembic.is_empty() {
-        found = verify::verify(&alembic, args.body.as_deref()).map_err(unusable)?;
+    // Of caches that no application opens there are no rules but those of the record.
+    let is_judged =
+        |path: &&Path| args.record.is_none() || of_file(path).is_none_or(|format| format.opens_in_applications);
+    let judged: Vec<&Path> = paths.iter().copied().filter(is_judged).collect();
+    if !judged.is_empty() {
+        found = verify::verify(&judged, args.body.as_deref()).map_err(unusable)?;
     }
     if let Some(folder) = &args.record {
         let of_record = verify::recorded(folder, &paths)?;
@@ -50,8 +53,4 @@ fn unusable(error: IoError) -> Failure {
         }
         _ => Failure::from(error),
     }
-}
-
-fn is_hdf5(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("h5"))
 }

@@ -108,7 +108,7 @@ fn equal_runs_are_byte_equal_and_a_planted_difference_is_found_at_its_frame_and_
     assert_eq!((frames.len(), frames[2]["vertex"].as_i64(), frames[2]["frame"].as_i64()), (4, Some(5), Some(1003)));
     // 0.25 m at one of the points: the mean square is 0.25² over their number.
     let points =
-        drapery_io::cache_frames::CacheFrames::open(&folder.path().join("a/sheet.abc")).unwrap().meshes()[0].points;
+        drapery_io::cache_frames::CacheFrames::open(&folder.path().join("a/sheet.abc")).unwrap().meshes[0].points;
     let rms = frames[2]["rms"].as_f64().unwrap();
     assert!((rms * (points as f64).sqrt() / 0.25 - 1.0).abs() < 1e-6, "{rms}");
     let tolerant = drapery(folder.path(), &["diff", "a", "b", "--tolerance", "0.3"]);

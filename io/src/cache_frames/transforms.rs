@@ -1,10 +1,10 @@
-//! What parents make of stored velocities.
+//! Velocities in the world, from stored ones and the transforms of parents.
 
 use drapery_alembic::{IDENTITY, Matrix, transform_point};
 
 /// Velocities in the world, of points under a transform; where that moves, by the transforms half a frame before and after, with the
 /// time between them [s].
-pub(super) fn in_world(
+pub(crate) fn in_world(
     mut velocities: Vec<[f32; 3]>,
     points: &[[f32; 3]],
     to_world: &Matrix,

@@ -25,8 +25,8 @@ pub(super) fn chosen(
     asked: Option<[i64; 2]>,
     to: &Path,
 ) -> Result<(Chosen, Vec<String>), IoError> {
-    let described = &source.meshes()[mesh];
-    if source.counts_samples(mesh) && source.fps().is_some() {
+    let described = &source.meshes[mesh];
+    if described.counts_samples && source.fps.is_some() {
         return Err(no_frames(source, described));
     }
     let range = range(source, described, asked)?;
@@ -70,16 +70,15 @@ pub(super) fn chosen(
 
 /// Says that times are those of no frame.
 fn no_frames(source: &CacheFrames, mesh: &CacheMesh) -> IoError {
-    let fps = source.fps().unwrap_or_default();
+    let fps = source.fps.unwrap_or_default();
     let what = format!("none of its {} samples is at a whole frame at {fps} frames per second", mesh.frames.len());
     let advice = "say the frame rate of the file with --fps, or export it with samples at whole frames";
-    IoError::data(source.path(), mesh.name.clone(), what, advice)
+    IoError::data(&source.path, mesh.name.clone(), what, advice)
 }
 
 /// Without samples between frames: one of what does not move.
-#[cfg(feature = "usd")]
 pub(super) fn still(source: &CacheFrames, mesh: usize) -> Chosen {
-    Chosen { all: vec![(0, source.meshes()[mesh].frames[0], 0)], sub_frames: Vec::new() }
+    Chosen { all: vec![(0, source.meshes[mesh].frames[0], 0)], sub_frames: Vec::new() }
 }
 
 /// The frames that are asked for.
@@ -87,11 +86,11 @@ fn range(source: &CacheFrames, mesh: &CacheMesh, asked: Option<[i64; 2]>) -> Res
     let frames = &mesh.frames;
     let held = match (frames.first(), frames.last()) {
         (Some(first), Some(last)) => format!("it holds {first}-{last}"),
-        _ => return Err(IoError::data(source.path(), "frames", "it holds no frame", "give a cache with frames")),
+        _ => return Err(IoError::data(&source.path, "frames", "it holds no frame", "give a cache with frames")),
     };
     let missing = |frame: i64| {
         let what = format!("frame {frame} is missing");
-        IoError::data(source.path(), "frames", what, format!("{held}; choose with --frames A-B"))
+        IoError::data(&source.path, "frames", what, format!("{held}; choose with --frames A-B"))
     };
     let place = |frame: i64| frames.binary_search(&frame).map_err(|_| missing(frame));
     let range = match asked {

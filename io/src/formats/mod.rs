@@ -1,21 +1,20 @@
 //! The file formats: which are read and which are written.
 
 pub mod alembic;
-mod alembic_summary;
-pub mod alembic_writer;
 mod continuing;
 pub mod hdf5;
 mod obj;
 #[cfg(feature = "usd")]
-pub(crate) mod usd_reader;
-#[cfg(feature = "usd")]
-pub(crate) mod usd_writer;
+mod usd;
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use crate::cache::{CacheMark, CachePlan, CacheWriter};
+use globset::{GlobBuilder, GlobMatcher};
+
+use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
+use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
 use crate::file_summary::FileSummary;
 use crate::input_file;
@@ -34,6 +33,18 @@ pub type CreateCache = fn(&Path, &CachePlan<'_>) -> Result<Box<dyn CacheWriter>,
 /// A cache that is missing, damaged or was made with another plan is an error that says what to do, and stays as it is.
 /// Only the last frame may be another than planned before, as long as it is not before a frame that the file holds.
 pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn CacheWriter>, IoError>;
+
+/// Opens a cache to be read back.
+pub type OpenCache = fn(&Path, Opening) -> Result<CacheFrames, IoError>;
+
+/// Choices in opening a cache, for formats that offer them; none by default.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Opening {
+    /// Offset of the tables of an earlier commit in the file [bytes].
+    pub root: Option<u64>,
+    /// Frames a second, for samples that have times.
+    pub rate: Option<f64>,
+}
 
 /// Looks into a file.
 pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
@@ -64,7 +75,7 @@ pub struct ShotCache<'a> {
     pub part: Part,
 }
 
-/// What is rendered of a garment.
+/// Role of a cache where a garment is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// The garment itself.
@@ -83,7 +94,42 @@ pub struct ShotFormat {
     pub write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
 }
 
-/// A file format.
+/// One file that stands for itself and holds several meshes with all their frames, written when these are all there.
+pub struct SingleFormat {
+    /// Begins one in memory.
+    pub create: for<'a> fn(SinglePlan<'a>) -> Box<dyn SingleWriter + 'a>,
+    /// The most bytes of positions, velocities and normals that it takes.
+    pub most_bytes: u64,
+}
+
+/// Content of such a file, known before its first sample.
+pub struct SinglePlan<'a> {
+    /// The file, for messages.
+    pub path: &'a Path,
+    /// First and last frame.
+    pub frames: [i64; 2],
+    /// The meshes; one at least.
+    pub caches: Vec<CachePlan<'a>>,
+    /// The shot, if the meshes are those of its caches.
+    pub shot: Option<&'a ShotFiles<'a>>,
+}
+
+/// Such a file being put together.
+pub trait SingleWriter {
+    /// Adds a sample of a mesh: one mesh after the other, each with all its samples in the order of their times.
+    ///
+    /// # Errors
+    /// The mesh cannot be read, or has a name that the format refuses.
+    fn write(&mut self, mesh: usize, frame: &CacheFrame<'_>) -> Result<(), IoError>;
+
+    /// Writes everything.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    fn finish(&mut self, file: &mut File) -> Result<(), IoError>;
+}
+
+/// A file format. Those that are given but a name, a line and a summary are neither read nor written.
 pub struct Format {
     /// File name extension, which is also its word in the scene file.
     pub extension: &'static str,
@@ -93,106 +139,85 @@ pub struct Format {
     pub opens_in_applications: bool,
     /// Whether its caches hold whole frames alone, and no samples between them.
     pub whole_frames: bool,
-    /// How meshes are read from it, if they are.
+    /// Whether it has a place for materials that meshes are bound to, for their purpose, and for whether both sides are rendered.
+    pub binds_materials: bool,
+    /// Whether a file may be made of others, wherever these lie.
+    pub refers_to_others: bool,
+    /// Opens meshes, if they are read from it.
     pub open: Option<OpenMesh>,
-    /// How caches are written to it, if they are.
+    /// Creates a cache, if they are written to it.
     pub create: Option<CreateCache>,
-    /// How caches in it are continued, if they are written.
+    /// Continues a cache, if they are written to it.
     pub resume: Option<ResumeCache>,
-    /// What a file of it holds.
+    /// Opens a cache to be read back, if that is done.
+    pub read_back: Option<OpenCache>,
+    /// Tells what a file of it holds.
     pub summary_of: Summarise,
     /// The folder beside a cache that holds a part of it, if there is one.
     pub folder_of: Option<fn(&Path) -> PathBuf>,
     /// The file over all caches of a shot, if there is one.
     pub shot: Option<ShotFormat>,
+    /// Writes several meshes with all their frames as one file, if that is done.
+    pub single: Option<SingleFormat>,
+    /// Whether a panic on this thread becomes an error of a file in it, if one ever does.
+    pub answers_panics: Option<fn() -> bool>,
 }
 
-/// All formats.
-pub static FORMATS: &[Format] = &[
-    Format {
-        extension: "abc",
-        summary: "Alembic (Ogawa): bodies and garments in, caches out",
-        opens_in_applications: true,
-        whole_frames: false,
-        open: Some(|path, pattern| Ok(Box::new(alembic::AlembicMesh::open(path, pattern)?))),
-        create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
-        resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
-        summary_of: alembic_summary::summary,
-        folder_of: None,
-        shot: None,
-    },
-    Format {
-        extension: "obj",
-        summary: "Wavefront OBJ: garments and still bodies in",
-        opens_in_applications: true,
-        whole_frames: false,
-        open: Some(open_obj),
-        create: None,
-        resume: None,
-        summary_of: obj::summary,
-        folder_of: None,
-        shot: None,
-    },
-    Format {
-        extension: "h5",
-        summary: "HDF5: caches out, for analysis",
-        opens_in_applications: false,
-        whole_frames: true,
-        open: None,
-        create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
-        resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
-        summary_of: hdf5::summary,
-        folder_of: None,
-        shot: None,
-    },
-    #[cfg(feature = "usd")]
-    Format {
-        create: Some(|path, plan| Ok(Box::new(usd_writer::UsdWriter::create(path, plan)))),
-        resume: Some(|path, plan, mark| Ok(Box::new(usd_writer::UsdWriter::resume(path, plan, mark)?))),
-        folder_of: Some(usd_writer::clips_of),
-        shot: Some(ShotFormat { extension: "usda", write: usd_writer::write_shot }),
-        ..usd("usd", "USD, text or binary: bodies and garments in; caches out, a layer over value clips")
-    },
-    #[cfg(feature = "usd")]
-    usd("usda", "USD as text: bodies and garments in"),
-    #[cfg(feature = "usd")]
-    usd("usdc", "USD, binary: bodies and garments in"),
-    #[cfg(feature = "usd")]
-    usd("usdz", "USD as a package: bodies and garments in"),
-];
-
-/// A spelling of USD, which is read alike in all of them.
-#[cfg(feature = "usd")]
-const fn usd(extension: &'static str, summary: &'static str) -> Format {
-    Format {
-        extension,
-        summary,
-        opens_in_applications: true,
-        whole_frames: false,
-        open: Some(|path, pattern| Ok(Box::new(usd_reader::UsdMesh::open(path, pattern)?))),
-        create: None,
-        resume: None,
-        summary_of: usd_reader::summary,
-        folder_of: None,
-        shot: None,
+impl Format {
+    const fn new(extension: &'static str, summary: &'static str, summary_of: Summarise) -> Self {
+        Self {
+            extension,
+            summary,
+            opens_in_applications: true,
+            whole_frames: false,
+            binds_materials: false,
+            refers_to_others: false,
+            open: None,
+            create: None,
+            resume: None,
+            read_back: None,
+            summary_of,
+            folder_of: None,
+            shot: None,
+            single: None,
+            answers_panics: None,
+        }
     }
 }
+
+/// All formats: a room each, with reader, writer, what reads caches back, and summary.
+pub static FORMATS: &[Format] = &[
+    alembic::FORMAT,
+    obj::FORMAT,
+    hdf5::FORMAT,
+    #[cfg(feature = "usd")]
+    usd::USD,
+    #[cfg(feature = "usd")]
+    usd::USDA,
+    #[cfg(feature = "usd")]
+    usd::USDC,
+    #[cfg(feature = "usd")]
+    usd::USDZ,
+];
 
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.extension.eq_ignore_ascii_case(extension))
 }
 
+/// The format of a file, by its extension.
+pub fn of_file(path: &Path) -> Option<&'static Format> {
+    by_extension(&path.extension()?.to_string_lossy())
+}
+
 /// Whether a cache of this name holds whole frames alone.
 pub fn holds_whole_frames(cache: &Path) -> bool {
-    let extension = cache.extension().unwrap_or_default().to_string_lossy();
-    by_extension(&extension).is_some_and(|format| format.whole_frames)
+    of_file(cache).is_some_and(|format| format.whole_frames)
 }
 
 /// The folder that holds a part of a cache, if its format has one.
 pub fn folder_of(cache: &Path) -> Option<PathBuf> {
-    let extension = cache.extension().unwrap_or_default().to_string_lossy();
-    by_extension(&extension)?.folder_of.map(|folder_of| folder_of(cache))
+    of_file(cache)?.folder_of.map(|folder_of| folder_of(cache))
 }
 
 /// Removes a folder with all that is in it, if it exists; of a link, the link.
@@ -216,32 +241,75 @@ pub fn remove_folder(path: &Path) -> Result<(), IoError> {
 /// # Errors
 /// The format is not read here, or its reader fails.
 pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReader>, IoError> {
+    if let Some(open) = of_file(path).and_then(|format| format.open) {
+        return open(path, pattern);
+    }
     let extension = path.extension().unwrap_or_default().to_string_lossy();
-    let Some(open) = by_extension(&extension).and_then(|format| format.open) else {
-        return Err(IoError::Format {
-            path: path.to_owned(),
-            what: format!("meshes are not read from .{extension} files"),
-            advice: match extension.to_lowercase().starts_with("usd") {
-                // Only a build without USD comes here with it.
-                true => "this program was built without USD: use one that `make build` makes, or export an .abc".into(),
-                false => format!("export it as one of {}", endings(|format| format.open.is_some())),
-            },
-        });
-    };
-    open(path, pattern)
+    Err(IoError::Format {
+        path: path.to_owned(),
+        what: format!("meshes are not read from .{extension} files"),
+        advice: match extension.to_lowercase().starts_with("usd") {
+            // Only a build without USD comes here with it.
+            true => "this program was built without USD: use one that `make build` makes, or export an .abc".into(),
+            false => format!("export it as one of {}", endings(|format| format.open.is_some())),
+        },
+    })
 }
 
-/// Whether a panic on this thread becomes an error of a file, of which somebody tells the user: of the library that reads USD.
+impl CacheFrames {
+    /// Opens a cache of any format that is read back, or any stage of USD.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, of another format, or holds no mesh.
+    pub fn open(path: &Path) -> Result<Self, IoError> {
+        Self::open_as(path, Opening::default())
+    }
+
+    /// Opens a cache; of an Alembic file the commit whose tables stand at `root`, if that is given.
+    ///
+    /// # Errors
+    /// As [`CacheFrames::open`].
+    pub fn open_at(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
+        Self::open_as(path, Opening { root, rate: None })
+    }
+
+    /// Opens a cache; the samples of an Alembic file, which have times, are in frames of this rate whatever the file says.
+    ///
+    /// # Errors
+    /// As [`CacheFrames::open`].
+    pub fn open_at_rate(path: &Path, frames_per_second: f64) -> Result<Self, IoError> {
+        Self::open_as(path, Opening { root: None, rate: Some(frames_per_second) })
+    }
+
+    fn open_as(path: &Path, opening: Opening) -> Result<Self, IoError> {
+        input_file::open(path)?;
+        if let Some(open) = of_file(path).and_then(|format| format.read_back) {
+            return open(path, opening);
+        }
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        Err(IoError::Format {
+            path: path.to_owned(),
+            what: format!("files of the kind .{extension} are no caches"),
+            advice: format!("give a file that ends in {}", endings(|format| format.read_back.is_some())),
+        })
+    }
+}
+
+/// Whether a panic on this thread becomes an error of a file, of which somebody tells the user.
 pub fn answers_panics() -> bool {
-    #[cfg(feature = "usd")]
-    let answers = drapery_usd::read::answers_panics();
-    #[cfg(not(feature = "usd"))]
-    let answers = false;
-    answers
+    FORMATS.iter().filter_map(|format| format.answers_panics).any(|answers| answers())
+}
+
+/// Matcher of the objects whose path fits a pattern.
+fn fitting(path: &Path, pattern: &str) -> Result<GlobMatcher, IoError> {
+    let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|error| {
+        IoError::data(path, format!("path = \"{pattern}\""), error.to_string(), "write it like /hero/geo/*")
+    })?;
+    Ok(fits.compile_matcher())
 }
 
 /// Extensions of some formats.
-fn endings(which: fn(&Format) -> bool) -> String {
+pub(crate) fn endings(which: fn(&Format) -> bool) -> String {
     let all: Vec<String> = FORMATS.iter().filter(|f| which(f)).map(|f| format!(".{}", f.extension)).collect();
     all.join(", ")
 }
@@ -252,24 +320,13 @@ fn endings(which: fn(&Format) -> bool) -> String {
 /// The file is missing, damaged, or of a format that is not read here.
 pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
     input_file::open(path)?;
-    let extension = path.extension().unwrap_or_default().to_string_lossy();
-    let Some(format) = by_extension(&extension) else {
-        return Err(IoError::Format {
-            path: path.to_owned(),
-            what: format!("files of the kind .{} cannot be looked into", extension.to_lowercase()),
-            advice: format!("give a file that ends in {}", endings(|_| true)),
-        });
-    };
-    (format.summary_of)(path)
-}
-
-fn open_obj(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReader>, IoError> {
-    if pattern.is_some() {
-        return Err(IoError::Format {
-            path: path.to_owned(),
-            what: "an OBJ file is read as a whole; its objects cannot be chosen by path".into(),
-            advice: "leave `path` out, or export the object alone".into(),
-        });
+    if let Some(format) = of_file(path) {
+        return (format.summary_of)(path);
     }
-    Ok(Box::new(obj::ObjMesh::open(path)?))
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    Err(IoError::Format {
+        path: path.to_owned(),
+        what: format!("files of the kind .{extension} cannot be looked into"),
+        advice: format!("give a file that ends in {}", endings(|_| true)),
+    })
 }

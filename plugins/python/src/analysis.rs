@@ -10,6 +10,7 @@ use drapery_analysis::study::schedule::Observer;
 use drapery_analysis::study::space::RunRequest;
 use drapery_analysis::study::{self, Options, table};
 use drapery_analysis::verify::{self, Verification};
+use drapery_io::formats::of_file;
 use drapery_io::materials::{self, Material, PRESETS};
 use drapery_io::scene_file::{material_files, read_material};
 use pyo3::prelude::*;
@@ -30,9 +31,10 @@ pub(crate) fn verify_caches(
 ) -> PyResult<(Vec<String>, Vec<String>, Vec<String>)> {
     let found = on_thread(py, |_| {
         let paths: Vec<&Path> = paths.iter().map(AsRef::as_ref).collect();
-        let is_hdf5 = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("h5"));
-        // Of HDF5 caches there are no rules but those of the record.
-        let judged: Vec<&Path> = paths.iter().copied().filter(|path| record.is_none() || !is_hdf5(path)).collect();
+        // Of caches that no application opens there are no rules but those of the record.
+        let is_judged =
+            |path: &&Path| record.is_none() || of_file(path).is_none_or(|format| format.opens_in_applications);
+        let judged: Vec<&Path> = paths.iter().copied().filter(is_judged).collect();
         let mut found = match judged.as_slice() {
             [] => Verification::default(),
             judged => verify::verify(judged, body.as_deref())?,

@@ -89,48 +89,48 @@ impl Cache {
     /// Paths of the objects.
     #[getter]
     fn objects(&self) -> PyResult<Vec<String>> {
-        Ok(self.opened()?.meshes().iter().map(|mesh| mesh.name.clone()).collect())
+        Ok(self.opened()?.meshes.iter().map(|mesh| mesh.name.clone()).collect())
     }
 
     /// Whole frames of a mesh.
     fn frames(&self, mesh: usize) -> PyResult<Vec<i64>> {
-        Ok(self.opened()?.meshes()[mesh].frames.clone())
+        Ok(self.opened()?.meshes[mesh].frames.clone())
     }
 
     fn point_count(&self, mesh: usize) -> PyResult<usize> {
-        Ok(self.opened()?.meshes()[mesh].points)
+        Ok(self.opened()?.meshes[mesh].points)
     }
 
     #[getter]
     fn fps(&self) -> PyResult<Option<f64>> {
-        Ok(self.opened()?.fps())
+        Ok(self.opened()?.fps)
     }
 
     /// Unit of the file, if it is one that has a word, and its axis.
     #[getter]
     fn units(&self) -> PyResult<(Option<&'static str>, &'static str)> {
-        let units = self.opened()?.input_units();
+        let units = self.opened()?.input_units;
         Ok((units.named().map(LengthUnit::word), axis(units.up)))
     }
 
     fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let cache = self.opened()?;
-        let sample = sample_of(&self.path, &cache.meshes()[mesh], frame)?;
+        let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
         arrays::vectors(py, cache.positions(mesh, sample).map_err(raised)?)
     }
 
     fn velocities<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let cache = self.opened()?;
-        let sample = sample_of(&self.path, &cache.meshes()[mesh], frame)?;
+        let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
         cache.velocities(mesh, sample).map_err(raised)?.map(|values| arrays::vectors(py, values)).transpose()
     }
 
     fn faces<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Faces<'py>> {
-        Ok(arrays::faces(py, self.opened()?.meshes()[mesh].faces.clone()))
+        Ok(arrays::faces(py, self.opened()?.meshes[mesh].faces.clone()))
     }
 
     fn triangles<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let triangles = self.opened()?.meshes()[mesh].triangles.clone();
+        let triangles = self.opened()?.meshes[mesh].triangles.clone();
         arrays::rows(py, triangles.into_flattened(), 3)
     }
 

@@ -10,7 +10,7 @@ use drapery_core::scene::gather::VertexField;
 use drapery_io::atomic_file;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
-use drapery_io::convert::SINGLE_LAYER;
+use drapery_io::convert::write_shot;
 use drapery_io::error::IoError;
 use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles, holds_whole_frames};
 use drapery_io::units::Units;
@@ -152,7 +152,8 @@ impl Output {
         };
         let writers = of_objects(shot, &planned, resume)?;
         // Of the frames so far it would hold too many or too few, whether this run writes it again or not.
-        listed_layers(&folder).iter().filter(|path| is_single(path)).try_for_each(|path| remove(path))?;
+        let is_single = |path: &&PathBuf| formats::of_file(path).is_some_and(|format| format.single.is_some());
+        listed_layers(&folder).iter().filter(is_single).try_for_each(|path| remove(path))?;
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::resume(&folder, from.head.frame, from.account.map(|account| account.record_bytes))?;
         let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
@@ -389,10 +390,10 @@ impl Output {
 
     /// Writes the shot as one file, where the scene asks for it.
     fn write_single(&self) -> Result<(), IoError> {
-        let (Some(path), Some(single)) = (&self.single, &SINGLE_LAYER) else { return Ok(()) };
+        let Some(path) = &self.single else { return Ok(()) };
         let layer = self.layers.iter().find(|layer| layer.path.with_extension("") == path.with_extension(""));
         match (layer, self.manifest.last_complete_frame) {
-            (Some(layer), Some(last)) => (single.write)(path, &self.shot_files(layer, last)),
+            (Some(layer), Some(last)) => write_shot(path, &self.shot_files(layer, last)),
             _ => Ok(()),
         }
     }
@@ -506,11 +507,6 @@ pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
 
 fn paths(planned: &[Planned]) -> Vec<PathBuf> {
     planned.iter().map(|cache| cache.path.clone()).collect()
-}
-
-/// Whether a file is a shot as one layer, by its name.
-fn is_single(path: &Path) -> bool {
-    SINGLE_LAYER.as_ref().is_some_and(|layer| path.extension().is_some_and(|extension| extension == layer.extension))
 }
 
 fn file_name(path: &Path) -> String {

@@ -58,7 +58,7 @@ pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Ea
     let Some(earlier) = earlier.filter(|_| options.resume == Resume::Auto) else { return false };
     let holds_last = |file: &PathBuf| {
         let cache = CacheFrames::open(file).ok();
-        cache.is_some_and(|cache| cache.meshes()[0].frames.binary_search(&shot.about.last_frame).is_ok())
+        cache.is_some_and(|cache| cache.meshes[0].frames.binary_search(&shot.about.last_frame).is_ok())
     };
     let has_form = || planned_files(shot, &options.out).iter().all(holds_last);
     let has_single = || shot.single_layer(&options.out).is_none_or(|path| path.is_file());

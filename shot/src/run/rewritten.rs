@@ -80,12 +80,12 @@ impl NewForm<'_> {
                 None => Vec::new(),
             };
             // The record counts whole frames alone.
-            let counted = if sub_frame > 0 { frames.stored_frame(0, sample)?.crossings } else { None };
+            let counted = if sub_frame > 0 { frames.samples.frame(0, sample)?.crossings } else { None };
             let counted = counted.or_else(|| crossings.get(&frame).copied());
             let crossings = self.plan.crossings.then(|| counted.unwrap_or(0));
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
-            let faces = &frames.meshes()[0].faces;
+            let faces = &frames.meshes[0].faces;
             let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
             let normals = if self.plan.normals { of_points() } else { Vec::new() };
             writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &normals, crossings })?;
@@ -99,12 +99,12 @@ impl NewForm<'_> {
 
     /// The number in a cache of the sample that lies so many samples behind a frame, or what it lacks.
     fn sample(&self, frames: &CacheFrames, (frame, sub_frame): (i64, usize)) -> Result<usize, String> {
-        let mesh = &frames.meshes()[0];
+        let mesh = &frames.meshes[0];
         let Some(number) = sub_frame.checked_sub(1) else {
             return mesh.frames.binary_search(&frame).map_err(|_| format!("frame {frame} is missing in it"));
         };
         let behind = self.plan.sub_frames[number];
-        if holds_whole_frames(frames.path()) {
+        if holds_whole_frames(&frames.path) {
             let what = "it holds whole frames, and no other cache of this garment is there to take over the samples between them \
                         from";
             return Err(format!("{what}: the first is at frame {}", frame as f64 + behind));

@@ -5,7 +5,6 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use drapery_io::atomic_file;
-use drapery_io::convert::SINGLE_LAYER;
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::input_file;
@@ -158,10 +157,7 @@ pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
     let garments = manifest["garments"].as_array().into_iter().flatten();
     let names =
         garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
-    let is_cache = |path: &PathBuf| {
-        let format = path.extension().and_then(|extension| formats::by_extension(extension.to_str()?));
-        format.is_some_and(|format| format.create.is_some())
-    };
+    let is_cache = |path: &PathBuf| formats::of_file(path).is_some_and(|format| format.create.is_some());
     names.filter_map(|name| named_in(folder, name)).filter(is_cache).collect()
 }
 
@@ -171,9 +167,9 @@ pub(crate) fn listed_layers(folder: &Path) -> Vec<PathBuf> {
     let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let names = manifest["layers"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let is_layer = |path: &PathBuf| {
-        let over = formats::FORMATS.iter().filter_map(|format| format.shot.as_ref()).map(|over| over.extension);
-        let mut all = over.chain(SINGLE_LAYER.as_ref().map(|layer| layer.extension));
-        all.any(|extension| path.extension().is_some_and(|of_path| of_path == extension))
+        let mut over = formats::FORMATS.iter().filter_map(|format| format.shot.as_ref());
+        let is_single = formats::of_file(path).is_some_and(|format| format.single.is_some());
+        is_single || over.any(|over| path.extension().is_some_and(|of_path| of_path == over.extension))
     };
     names.filter_map(|name| named_in(folder, name)).filter(is_layer).collect()
 }

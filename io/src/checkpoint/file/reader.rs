@@ -16,7 +16,7 @@ use super::{Checkpoint, Head};
 use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal::{self, damaged};
 use crate::error::IoError;
-use crate::formats::hdf5::stored::place_of;
+use crate::formats::hdf5::datasets::place_of;
 use crate::input_file;
 
 /// Number of bytes that are checked at a time.

@@ -7,7 +7,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
-use super::stored::{ORIGIN, dataset, origin, place_of};
+use super::datasets::{ORIGIN, dataset, origin, place_of};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::triangles_to_store;
 use crate::mesh_data::MeshData;
@@ -21,7 +21,7 @@ const VERSION_WITH_ORIGIN: i64 = 2;
 /// Attribute that names the writing program: another version of it may continue a cache.
 const APPLICATION_ATTRIBUTE: &str = "application";
 
-/// Where the datasets that grow lie in the file [bytes].
+/// Offsets of the datasets that grow [bytes].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Offsets {
     pub(super) positions: u64,
@@ -31,7 +31,7 @@ pub(super) struct Offsets {
     pub(super) committed: u64,
 }
 
-/// What a stored file has room for.
+/// Room in a stored file.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) offsets: Offsets,
@@ -139,7 +139,7 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     }
 }
 
-/// Where a dataset of this type and shape lies, if the file has it.
+/// Offset of a dataset of this type and shape, if the file has it.
 fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<Option<u64>> {
     if !file.link_exists(name) {
         return Ok(None);
@@ -255,7 +255,7 @@ impl Fixed<'_> {
     }
 }
 
-/// Where a new dataset lies whose space is reserved in the file.
+/// Offset of a new dataset whose space is reserved in the file.
 fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
     reserved::<T>(file, name, shape)?
         .offset()

@@ -4,7 +4,7 @@ use openusd::usd::Prim;
 
 use super::error::UsdError;
 use super::primvars::metadata;
-use super::session::Reading;
+use super::reading::Reading;
 use super::skeleton::prim_at;
 use super::values::{integers, number, vectors, words};
 

@@ -8,10 +8,9 @@ use openusd::usd::{AttributeQuery, Prim};
 
 use super::error::UsdError;
 use super::matrix::{IDENTITY, Matrix, from_quaternion_as_is, multiply, scale, translation};
-use super::mesh::reverse;
-use super::session::Reading;
+use super::reading::Reading;
 use super::transform::Transform;
-use super::values::{all_integers, quaternions, vectors};
+use super::values::{all_integers, quaternions, reverse, vectors};
 use super::{Faces, Primvar, Subset};
 use crate::Interpolation;
 

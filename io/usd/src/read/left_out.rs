@@ -5,7 +5,7 @@ use openusd::usd::Prim;
 
 use super::error::UsdError;
 use super::primvars::{is_primvar, metadata, numbers_of};
-use super::session::Reading;
+use super::reading::Reading;
 use super::values::word;
 use crate::material::BINDING;
 

@@ -7,7 +7,7 @@ use super::error::UsdError;
 use super::instancer::{Instances, repeat_faces, repeat_primvar, repeat_subset};
 use super::matrix::{Matrix, determinant, transform_point};
 use super::primvars::{self, metadata};
-use super::session::Reading;
+use super::reading::Reading;
 use super::skin::Skin;
 use super::transform::{Transform, transform_all};
 use super::values::{integers, vectors, word};
@@ -328,19 +328,4 @@ fn material(reading: &Reading, prim: &Prim, inherited: bool) -> Result<Option<Bo
         next = if inherited { prim.parent() } else { None };
     }
     Ok(found)
-}
-
-/// Puts the corners of every face in the opposite order.
-pub(crate) fn reverse<T>(face_counts: &[u32], corners: &mut [T]) {
-    let mut rest = corners;
-    for count in face_counts {
-        let (face, after) = rest.split_at_mut(*count as usize);
-        face.reverse();
-        rest = after;
-    }
-}
-
-/// A value that is a list, by its length.
-pub(crate) fn length(value: &Value) -> Option<usize> {
-    value.array_len()
 }

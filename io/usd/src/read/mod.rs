@@ -21,6 +21,7 @@ mod matrix;
 mod mesh;
 mod primvars;
 pub(crate) mod promises;
+mod reading;
 mod session;
 mod skeleton;
 mod skin;

@@ -4,9 +4,8 @@ use openusd::sdf::{Role, Value};
 use openusd::usd::{Attribute, Prim};
 
 use super::error::UsdError;
-use super::mesh::length;
-use super::session::Reading;
-use super::values::{integers, number, word};
+use super::reading::Reading;
+use super::values::{integers, length, number, word};
 use super::{Element, Meaning, Primvar};
 use crate::Interpolation;
 

@@ -7,7 +7,7 @@ use openusd::usd::{AttributeQuery, Prim};
 
 use super::error::UsdError;
 use super::matrix::{Matrix, from_quaternion, inverse, multiply, scale, translation};
-use super::session::Reading;
+use super::reading::Reading;
 use super::transform::Transform;
 use super::values::{matrices, quaternions, vectors, words};
 

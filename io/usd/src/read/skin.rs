@@ -13,7 +13,7 @@ use super::matrix::{
     IDENTITY, Matrix, Quaternion, determinant, quaternion_product, stretch_and_rotation, transform_point,
 };
 use super::primvars::metadata;
-use super::session::Reading;
+use super::reading::Reading;
 use super::skeleton::{Skeleton, bound, has_binding, prim_at};
 use super::transform::transform_all;
 use super::values::{integers, matrix, number, numbers, word, words};

@@ -7,7 +7,7 @@ use super::error::UsdError;
 use super::matrix::{
     IDENTITY, Matrix, from_quaternion, inverse, multiply, rotation, scale, transform_point, translation,
 };
-use super::session::Reading;
+use super::reading::Reading;
 use super::values::{matrix, number, quaternion, vector};
 
 /// What stands in the order of operations where all ancestors are left out.

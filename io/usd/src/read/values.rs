@@ -120,3 +120,18 @@ pub(crate) fn words(value: &Value) -> Option<Vec<String>> {
         _ => None,
     }
 }
+
+/// Puts the corners of every face in the opposite order.
+pub(crate) fn reverse<T>(face_counts: &[u32], corners: &mut [T]) {
+    let mut rest = corners;
+    for count in face_counts {
+        let (face, after) = rest.split_at_mut(*count as usize);
+        face.reverse();
+        rest = after;
+    }
+}
+
+/// A value that is a list, by its length.
+pub(crate) fn length(value: &Value) -> Option<usize> {
+    value.array_len()
+}

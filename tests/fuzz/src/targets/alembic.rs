@@ -80,7 +80,7 @@ fn read_as_mesh(path: &Path) {
 
 fn read_as_cache(path: &Path) {
     let Ok(cache) = CacheFrames::open(path) else { return };
-    for (number, mesh) in cache.meshes().iter().enumerate() {
+    for (number, mesh) in cache.meshes.iter().enumerate() {
         for sample in 0..mesh.frames.len().min(SAMPLES) {
             let _ = cache.positions(number, sample);
             let _ = cache.stored_positions(number, sample);

@@ -67,7 +67,7 @@ pub fn run(data: &[u8]) {
     memory::bounded(|| {
         let _ = drapery_io::formats::inspect(&path);
         if let Ok(cache) = CacheFrames::open(&path) {
-            for (number, mesh) in cache.meshes().iter().enumerate() {
+            for (number, mesh) in cache.meshes.iter().enumerate() {
                 for sample in 0..mesh.frames.len().min(4) {
                     let _ = cache.positions(number, sample);
                     let _ = cache.stored_positions(number, sample);

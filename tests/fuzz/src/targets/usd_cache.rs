@@ -31,18 +31,18 @@ pub fn run(data: &[u8]) {
     memory::bounded(|| {
         let _ = verify(&[path.as_path()], None);
         let Ok(cache) = CacheFrames::open(&path) else { return };
-        for (mesh, described) in cache.meshes().iter().enumerate() {
+        for (mesh, described) in cache.meshes.iter().enumerate() {
             let _ = cache.attributes(mesh);
             for sample in 0..(described.frames.len() + described.between.len()).min(4) {
                 let _ = (cache.positions(mesh, sample), cache.velocities(mesh, sample));
                 if let (Ok(stored), Ok(Some(shifted))) =
-                    (cache.stored_frame(mesh, sample), cache.stored_positions(mesh, sample))
+                    (cache.samples.frame(mesh, sample), cache.stored_positions(mesh, sample))
                 {
                     assert_eq!(stored.positions.len(), shifted.points.len());
                 }
             }
         }
-        let _ = (cache.check_constants(), cache.check_complete(None));
+        let _ = (cache.samples.check_constants(), cache.samples.check_complete(None));
     });
 }
 

@@ -12,7 +12,6 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
 use crate::input_file::{self, LONGEST_LINE, MARK};
 use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
 
@@ -89,27 +88,6 @@ impl ObjMesh {
 /// The text of a file.
 fn lines(path: &Path) -> Result<BufReader<File>, IoError> {
     input_file::open(path).map(BufReader::new)
-}
-
-/// What a file holds.
-///
-/// # Errors
-/// It cannot be read or is damaged.
-pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
-    let mesh = ObjMesh::open(path)?;
-    let data = mesh.mesh_at(0.0)?;
-    let summary = MeshSummary {
-        path: mesh.objects().concat(),
-        points: data.mesh.points.len(),
-        faces: face_kinds(&data.mesh.face_counts),
-        topology: "constant",
-        samples: 1,
-        bounds: bounds(&data.mesh.points),
-        uvs: data.uvs.map(|uvs| ("uv".to_owned(), uvs.values.len())),
-        face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
-        ..MeshSummary::default()
-    };
-    Ok(FileSummary { format: "Wavefront OBJ", meshes: vec![summary], ..FileSummary::default() })
 }
 
 impl MeshReader for ObjMesh {

@@ -1,31 +1,4 @@
-//! HDF5 caches: one file a garment, whole and readable from the moment it is created.
-//!
-//! The file is created with room for every planned frame and closed at once; frames are then written with plain
-//! positioned writes into the places of the datasets, each followed by its mark in `committed`. So nobody holds the
-//! file open through the HDF5 library: readers meet no lock, and a killed run leaves a file that opens like any other
-//! (`docs/dev/decisions/0002-hdf5-preallocated.md`). A frame whose mark is 0 reads as zeros.
-//!
-//! A cache is continued in place: the marks of later frames are cleared, the last one first, and their values are set
-//! back to zeros. Only when the planned range is another than before, the file is made anew beside the old one, its
-//! frames are copied, and it takes the old one's name.
-//!
-//! What the file is about stands in the attributes of its root (`docs/reference/hdf5_cache.md`).
-//!
-//! | dataset | shape | type | content |
-//! |---|---|---|---|
-//! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis, counted from the attribute `origin` if there is one |
-//! | `velocities` | (frames, points, 3) | f32 | per second, only if asked for |
-//! | `normals` | (frames, points, 3) | f32 | only of render meshes |
-//! | `times` | (frames) | f64 | frame / fps [s] |
-//! | `frame_numbers` | (frames) | i64 | |
-//! | `committed` | (frames) | u8 | 1 when the frame is complete |
-//! | `crossings` | (frames) | u32 | edges of cloth through cloth, all garments; only if the shot counts them |
-//! | `face_counts`, `face_indices` | (faces), (corners) | i32 | counter-clockwise |
-//! | `triangles` | (triangles, 3) | i32 | what is simulated: how faces with more corners are cut |
-//! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
-
-mod layout;
-pub(crate) mod stored;
+//! HDF5 caches being written and continued.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -33,16 +6,12 @@ use std::path::{Path, PathBuf};
 
 use drapery_alembic::murmur3_x64_128;
 use drapery_core::mesh::MeshStream;
-use hdf5::types::VarLenUnicode;
 
-pub(crate) use self::layout::reserved;
-use self::layout::{Offsets, create_file, read_layout};
-use super::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use super::layout::{Offsets, create_file, read_layout};
 use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, face_kinds};
-use crate::input_file;
+use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
 use crate::written_file;
 
 /// An HDF5 cache being written.
@@ -295,54 +264,10 @@ impl CacheWriter for Hdf5Writer {
     }
 }
 
-/// What a cache of this layout holds.
-///
-/// # Errors
-/// The file cannot be opened or has another layout.
-pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
-    input_file::check_for_hdf5(path)?;
-    read_summary(path).map_err(|source| {
-        IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
-    })
-}
-
-fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
-    let file = hdf5::File::open(path)?;
-    let text = |name: &str| Ok::<_, hdf5::Error>(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string());
-    let committed = stored::values::<u8>(&file, "committed")?;
-    let frames = stored::values::<i64>(&file, "frame_numbers")?;
-    let times = stored::values::<f64>(&file, "times")?;
-    let counts = stored::values::<u32>(&file, "face_counts")?;
-    let mut properties = Vec::new();
-    for name in ["application", "garment", "length_unit", "up_axis"] {
-        properties.push((name.to_owned(), text(name)?));
-    }
-    properties.push(("fps".into(), file.attr("fps")?.read_scalar::<f64>()?.to_string()));
-    if let Some([x, y, z]) = stored::origin(&file)? {
-        properties.push((stored::ORIGIN.to_owned(), format!("[{x}, {y}, {z}]")));
-    }
-    if let Some((first, last)) = frames.first().zip(frames.last()) {
-        properties.push(("planned frames".into(), format!("{first}-{last}")));
-    }
-    let done = committed.iter().filter(|mark| **mark == 1).count();
-    properties.push(("committed frames".into(), done.to_string()));
-    let mesh = MeshSummary {
-        path: text("object_path")?,
-        points: stored::dataset::<3>(&file, "positions")?.1[1],
-        faces: face_kinds(&counts),
-        topology: "constant faces, moving points",
-        samples: done,
-        times: [times.first().copied().unwrap_or(0.0), times.get(done.max(1) - 1).copied().unwrap_or(0.0)],
-        uvs: stored::dataset::<2>(&file, "uv_values").ok().map(|(_, [count, _])| ("uv".to_owned(), count)),
-        velocities: file.link_exists("velocities"),
-        ..MeshSummary::default()
-    };
-    Ok(FileSummary { format: "HDF5 (Drapery)", properties, meshes: vec![mesh], others: Vec::new() })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::hdf5::summary::summary;
     use crate::garment_mesh::GarmentMesh;
     use crate::mesh_data::{MeshData, Uvs};
     use crate::units::{LengthUnit, Units, UpAxis};

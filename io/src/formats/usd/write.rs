@@ -8,8 +8,6 @@
 //!
 //! A cache is continued by taking the frames after its mark out of the text, and then out of the folder.
 
-mod attributes;
-
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
@@ -23,11 +21,12 @@ use drapery_usd::write::{
     cache_layer, clip, clip_manifest, shot_layer, topology,
 };
 
-use super::continuing::{cannot_continue, hexadecimal, marked_frames, sync_name, too_short};
-use super::{Part, ShotFiles, remove_folder};
+use super::attributes;
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::formats::{Part, ShotFiles, remove_folder};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
 use crate::units::{Units, UpAxis};
@@ -38,7 +37,7 @@ const DIGITS: usize = 16;
 
 /// A USD cache being written. The text layer appears with the first frame.
 #[derive(Debug)]
-pub(crate) struct UsdWriter {
+pub(super) struct UsdWriter {
     path: PathBuf,
     /// Folder of clips of all forms, beside the layer.
     clips: PathBuf,
@@ -78,13 +77,13 @@ pub(super) fn clips_of(cache: &Path) -> PathBuf {
 }
 
 /// What layers say of their numbers.
-pub(crate) fn layer_units(units: Units, fps: f64) -> LayerUnits {
+pub(super) fn layer_units(units: Units, fps: f64) -> LayerUnits {
     LayerUnits { metres_per_unit: units.length.metres(), z_up: units.up == UpAxis::Z, time_codes_per_second: fps }
 }
 
 impl UsdWriter {
     /// Prepares a cache at `path`; the first frame creates it and replaces what is there.
-    pub(crate) fn create(path: &Path, plan: &CachePlan<'_>) -> Self {
+    pub(super) fn create(path: &Path, plan: &CachePlan<'_>) -> Self {
         let (numerator, denominator) = (plan.timeline.fps_numerator, plan.timeline.fps_denominator);
         let properties = vec![
             ("application", APPLICATION.to_owned()),
@@ -119,11 +118,11 @@ impl UsdWriter {
     ///
     /// # Errors
     /// The cache is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
-    pub(crate) fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
+    pub(super) fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan);
         if marked_frames(path, plan, mark)? == 0 {
             // What a run without a break has at this point: nothing before the first frame.
-            super::continuing::remove(path)?;
+            remove(path)?;
             remove_folder(&writer.clips)?;
             return Ok(writer);
         }
@@ -251,7 +250,7 @@ impl UsdWriter {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if name.ends_with(".part") || CacheLayer::frame_of(&name).is_some_and(|sample| sample > last) {
-                super::continuing::remove(&path)?;
+                remove(&path)?;
             }
         }
         for entry in fs::read_dir(&self.clips).map_err(failed)? {
@@ -301,7 +300,7 @@ impl UsdWriter {
 }
 
 /// The error of a layer that cannot be put together.
-pub(crate) fn write_error(path: &Path, error: &WriteError) -> IoError {
+pub(super) fn write_error(path: &Path, error: &WriteError) -> IoError {
     let advice = "give the object a name or path that USD accepts, or leave \"usd\" out of output.format";
     IoError::data(path, error.place.clone(), error.what.clone(), advice)
 }
@@ -357,19 +356,19 @@ impl CacheWriter for UsdWriter {
 
 /// What of a mesh is written beside the mesh.
 #[derive(Clone, Copy)]
-pub(crate) struct Form {
+pub(super) struct Form {
     /// What its points are counted from, if not from the origin of the world.
-    pub(crate) origin: Option<[f64; 3]>,
+    pub(super) origin: Option<[f64; 3]>,
     /// Whether frames have velocities.
-    pub(crate) velocities: bool,
+    pub(super) velocities: bool,
     /// Whether frames have normals.
-    pub(crate) normals: bool,
+    pub(super) normals: bool,
     /// Whether frames have a number of intersections.
-    pub(crate) crossings: bool,
+    pub(super) crossings: bool,
 }
 
 /// Everything of a mesh that does not move, as USD writes it.
-pub(crate) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> StillMesh<'_> {
+pub(super) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> StillMesh<'_> {
     let triangles = triangles_to_store(&data);
     let primvars = std::mem::take(&mut data.params);
     let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
@@ -424,7 +423,7 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
 }
 
 /// What a part of a shot is for, if it is not for everything.
-pub(crate) fn purpose_of(part: Part) -> Option<&'static str> {
+pub(super) fn purpose_of(part: Part) -> Option<&'static str> {
     match part {
         Part::Alone => None,
         Part::Followed => Some("proxy"),
@@ -433,7 +432,7 @@ pub(crate) fn purpose_of(part: Part) -> Option<&'static str> {
 }
 
 /// The error of a cache that cannot be read, with what helps.
-pub(crate) fn cache_error(path: &Path, error: CacheError) -> IoError {
+pub(super) fn cache_error(path: &Path, error: CacheError) -> IoError {
     let damaged = "it is damaged: copy it again from where it was written, or run the shot again";
     let other = "give the .usd file of a garment that `drapery run` wrote, with the folder .clips beside it";
     match error {

@@ -1,4 +1,4 @@
-//! What an Alembic file holds.
+//! Summary of an Alembic file.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use drapery_core::Vec3;
 use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
 
-/// What an archive holds.
+/// Looks into an archive.
 ///
 /// # Errors
 /// The file cannot be opened or contradicts itself.

@@ -22,25 +22,25 @@ use drapery_alembic::{
 };
 use drapery_core::mesh::MeshStream;
 
-use super::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
-use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs};
+use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs, reverse};
 use crate::units::Units;
 use crate::written_file;
 
 /// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other
 /// faces; who cuts those along other diagonals sees another surface.
-pub(crate) const TRIANGLES: &str = "triangles";
+pub(super) const TRIANGLES: &str = "triangles";
 
 /// The garment that a render mesh follows.
-pub(crate) const RENDER_MESH_OF: &str = "render_mesh_of";
+pub(super) const RENDER_MESH_OF: &str = "render_mesh_of";
 
 /// User property, one number a frame: how many edges of cloth pass through triangles of cloth in all garments of the
 /// shot.
-pub(crate) const CROSSINGS: &str = "crossings";
+pub(super) const CROSSINGS: &str = "crossings";
 
 /// An Alembic cache being written. The file appears with its first frame: an archive without samples would be refused
 /// by the applications that load it.
@@ -51,7 +51,7 @@ pub struct AlembicWriter {
     options: ArchiveOptions,
     properties: Vec<(&'static str, String)>,
     units: Units,
-    /// What positions are counted from, in the file's unit and axes, if not from the origin of the world.
+    /// Origin that positions are counted from, in the file's unit and axes, if not from the origin of the world.
     origin: Option<[f64; 3]>,
     sampling: TimeSampling,
     first_frame: i64,
@@ -66,7 +66,7 @@ pub struct AlembicWriter {
     mark: CacheMark,
 }
 
-/// What does not change from frame to frame, as the archive holds it: corners clockwise.
+/// Data that does not change from frame to frame, as the archive holds it: corners clockwise.
 struct Still {
     face_counts: Vec<i32>,
     face_indices: Vec<i32>,
@@ -79,7 +79,7 @@ struct Still {
     triangles: Option<Vec<[u32; 3]>>,
 }
 
-/// How far the file is.
+/// Progress of the file.
 #[derive(Debug)]
 enum Stage {
     /// No frame yet, so no file.
@@ -482,13 +482,13 @@ fn shift(origin: [f64; 3]) -> Matrix {
 }
 
 /// Bounds of what is moved by `origin`.
-pub(crate) fn shifted(mut bounds: Bounds, origin: [f64; 3]) -> Bounds {
+pub(super) fn shifted(mut bounds: Bounds, origin: [f64; 3]) -> Bounds {
     bounds.iter_mut().zip(origin.iter().cycle()).for_each(|(bound, origin)| *bound += origin);
     bounds
 }
 
 /// The smallest bounds that hold all positions.
-pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
+pub(super) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
     let mut bounds = EMPTY_BOUNDS;
     for p in positions {
         for axis in 0..3 {
@@ -497,14 +497,4 @@ pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
         }
     }
     bounds
-}
-
-/// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
-pub fn reverse(face_counts: &[u32], corners: &mut [u32]) {
-    let mut rest = corners;
-    for count in face_counts {
-        let (face, after) = rest.split_at_mut(*count as usize);
-        face.reverse();
-        rest = after;
-    }
 }

@@ -1,18 +1,24 @@
 //! Meshes of Alembic files as caches: their frames, and what is stored of one.
 
+use std::path::{Path, PathBuf};
+
 use drapery_alembic::{
     Archive, Bounds, DataType, GeomParam, IDENTITY, Matrix, PodType, PolyMesh, Samples, Scope, TopologyVariance,
     transform_point,
 };
 use drapery_core::Vec3;
+use globset::escape;
 
-use super::rates::film_rate;
-use super::transforms::in_world;
-use super::{Between, CacheMesh, StoredFrame, cut};
+use super::read::{AlembicMesh, SAME_TIME, blend, changed, merge_times, transform_times};
+use super::write::{CROSSINGS, TRIANGLES, bounds_of, shifted};
+use crate::cache_frames::rates::film_rate;
+use crate::cache_frames::transforms::in_world;
+use crate::cache_frames::{
+    Between, CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, cut, listed_triangles, units,
+};
 use crate::error::IoError;
-use crate::formats::alembic::{SAME_TIME, merge_times, transform_times};
-use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
-use crate::mesh_data::Connectivity;
+use crate::formats::Opening;
+use crate::mesh_data::{Connectivity, MeshData, MeshReader, reverse};
 use crate::units::LengthUnit;
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
@@ -21,18 +27,15 @@ const WHOLE_FRAME: f64 = 1e-3;
 /// Times of samples between frames are given in this many parts of a frame: what is finer is rounding of seconds.
 const PARTS_OF_FRAME: f64 = 1e9;
 
-/// Where points are counted from, and the points.
-type Shifted = ([f64; 3], Vec<[f32; 3]>);
-
 /// An archive whose meshes are read sample by sample.
-#[derive(Debug)]
-pub(super) struct ArchiveFrames {
+struct ArchiveSamples {
+    path: PathBuf,
     archive: Archive,
     meshes: Vec<ArchiveMesh>,
     /// Bounds of everything.
     bounds: Option<Samples>,
     /// Frames a second, if the file tells or somebody says.
-    pub(super) fps: Option<f64>,
+    fps: Option<f64>,
 }
 
 /// A mesh and its samples: those of its frames, then those between them.
@@ -40,8 +43,6 @@ pub(super) struct ArchiveFrames {
 struct ArchiveMesh {
     mesh: PolyMesh,
     samples: Vec<Sample>,
-    /// Whether its frames are numbers of samples.
-    counted: bool,
 }
 
 /// A time at which points, or a transform above them, are stored.
@@ -53,49 +54,34 @@ struct Sample {
     around: (usize, usize, f64),
 }
 
-impl ArchiveFrames {
-    /// All meshes of an archive, in the order of their paths; frames are at `rate`, or else at the rate that the file tells.
-    pub(super) fn of(archive: Archive, rate: Option<f64>) -> Result<(Self, Vec<CacheMesh>), IoError> {
-        let mut stored = PolyMesh::all(&archive)?;
-        stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
-        if stored.is_empty() {
-            return Err(IoError::data(archive.path(), "objects", "it holds no mesh", "give a cache of a garment"));
-        }
-        let fps = rate.or(archive.frames_per_second_hint());
-        let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
-        let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
-        let bounds = archive.bounds()?;
-        Ok((Self { archive, meshes, bounds, fps }, described))
+/// Opens all meshes of an archive, in the order of their paths; frames are at the rate that is said, or else at the one that the
+/// file tells.
+///
+/// # Errors
+/// The archive is damaged or holds no mesh.
+pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<CacheFrames, IoError> {
+    let archive = root.map_or_else(|| Archive::open(path), |root| Archive::open_at(path, root))?;
+    let word = |key: &str| archive.metadata().get(key).unwrap_or_default();
+    let units = units(word("lengthUnit"), word("upAxis"));
+    let states_length = LengthUnit::ALL.iter().any(|unit| unit.word() == word("lengthUnit"));
+    let mut stored = PolyMesh::all(&archive)?;
+    stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
+    if stored.is_empty() {
+        return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
     }
+    let fps = rate.or(archive.frames_per_second_hint());
+    let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
+    let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
+    let samples = ArchiveSamples { path: path.to_owned(), meshes, bounds: archive.bounds()?, archive, fps };
+    Ok(CacheFrames { states_length, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
+}
 
-    /// Whether the file says its unit of length, in a word that is known.
-    pub(super) fn states_length(&self) -> bool {
-        let word = self.archive.metadata().get("lengthUnit");
-        word.is_some_and(|word| LengthUnit::ALL.iter().any(|unit| unit.word() == word))
-    }
-
-    /// Whether anything of a mesh changes.
-    pub(super) fn moves(&self, mesh: usize) -> bool {
-        self.meshes[mesh].samples.len() > 1
-    }
-
-    /// Whether the frames of a mesh are numbers of samples.
-    pub(super) fn counts_samples(&self, mesh: usize) -> bool {
-        self.meshes[mesh].counted
-    }
-
-    /// When the first sample of a mesh is [s].
-    pub(super) fn start(&self, mesh: usize) -> f64 {
-        self.meshes[mesh].samples.first().map_or(0.0, |sample| sample.time)
-    }
-
-    /// Points of a sample in the world.
-    pub(super) fn world(&self, mesh: usize, sample: usize) -> Result<Vec<[f64; 3]>, IoError> {
+impl CacheSamples for ArchiveSamples {
+    fn world(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
         self.meshes[mesh].world(&self.archive, sample)
     }
 
-    /// What is stored of a sample, and what it is counted from, where transforms only shift it.
-    pub(super) fn shifted(&self, mesh: usize, sample: usize) -> Result<Option<Shifted>, IoError> {
+    fn shifted(&self, mesh: usize, sample: usize) -> Result<Option<Shifted>, IoError> {
         let mesh = &self.meshes[mesh];
         let mut matrix = mesh.to_world(sample)?;
         let origin = [matrix[12], matrix[13], matrix[14]];
@@ -103,8 +89,16 @@ impl ArchiveFrames {
         Ok(if matrix == IDENTITY { Some((origin, mesh.points(&self.archive, sample)?)) } else { None })
     }
 
-    /// All that is stored of a sample.
-    pub(super) fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
+    fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+        let found = &self.meshes[mesh];
+        let Some(rates) = found.velocities(sample)? else { return Ok(None) };
+        let (time, frame) = (found.samples[sample].time, 1.0 / self.fps.unwrap_or(24.0));
+        let at = |time| found.mesh.world_matrix_at(time);
+        let around = ([at(time - frame / 2.0)?, at(time + frame / 2.0)?], frame);
+        Ok(Some(in_world(rates, &found.points(&self.archive, sample)?, &at(time)?, Some(around))))
+    }
+
+    fn frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
         let mesh = &self.meshes[mesh];
         let (number, _, share) = mesh.samples[sample].around;
         if share > 0.0 {
@@ -117,57 +111,52 @@ impl ArchiveFrames {
         stored(&mesh.mesh, number, of_file.and_then(|all| all.first().copied()))
     }
 
-    /// Faces of a sample, where they may be others than those of the first.
-    pub(super) fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
-        let ArchiveMesh { mesh, samples, .. } = &self.meshes[mesh];
+    fn attributes(&self, mesh: usize, about: &CacheMesh) -> Result<MeshData, IoError> {
+        let start = self.meshes[mesh].samples.first().map_or(0.0, |sample| sample.time);
+        AlembicMesh::open(&self.path, Some(&escape(&about.name)))?.mesh_at(start)
+    }
+
+    fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
+        let ArchiveMesh { mesh, samples } = &self.meshes[mesh];
         if mesh.topology_variance() != TopologyVariance::Heterogeneous {
             return Ok(None);
         }
-        let mut faces = mesh.faces(samples[sample].around.0)?;
-        reverse(&faces.face_counts, &mut faces.face_indices);
-        Ok(Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices }))
+        Ok(Some(counter_clockwise(mesh, samples[sample].around.0)?))
     }
 
-    /// Velocities in the world, in the units and axes of the file.
-    pub(super) fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
-        let found = &self.meshes[mesh];
-        let Some(rates) = found.velocities(sample)? else { return Ok(None) };
-        let (time, frame) = (found.samples[sample].time, 1.0 / self.fps.unwrap_or(24.0));
-        let at = |time| found.mesh.world_matrix_at(time);
-        let around = ([at(time - frame / 2.0)?, at(time + frame / 2.0)?], frame);
-        Ok(Some(in_world(rates, &found.points(&self.archive, sample)?, &at(time)?, Some(around))))
-    }
-
-    /// What of a mesh is not handed through, a sentence each.
-    pub(super) fn left_out(&self, mesh: usize) -> Result<Vec<String>, IoError> {
-        let mesh = &self.meshes[mesh].mesh;
-        let name = mesh.object().path();
-        let mut sentences = Vec::new();
-        if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
-            let of = match normals.scope() {
-                Scope::FaceVarying => "of face corners",
-                Scope::Uniform => "of faces",
-                _ => "of another kind",
-            };
-            sentences.push(format!("{name}: normals {of} are left out: a cache has them at points"));
-        }
-        let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
-        let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
-        sentences.extend(
-            moving.map(|param| format!("{name}: {} moves, and has its first value in all frames", param.name())),
-        );
-        let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
-        for crease in creases.iter().filter(|name| mesh.geom().samples(name).is_some_and(|samples| !samples.is_empty()))
-        {
-            sentences.push(format!("{name}: {crease} is left out: it is not copied to the cache"));
-        }
-        Ok(sentences)
-    }
-
-    /// Checks what is the same in all frames by the digests in the file.
-    pub(super) fn check_constants(&self) -> Result<(), IoError> {
+    fn check_constants(&self) -> Result<(), IoError> {
         Ok(self.archive.check_constants()?)
     }
+}
+
+/// Properties of a mesh that are not handed through, a sentence each.
+fn left_out(mesh: &PolyMesh) -> Vec<String> {
+    let name = mesh.object().path();
+    let mut sentences = Vec::new();
+    if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
+        let of = match normals.scope() {
+            Scope::FaceVarying => "of face corners",
+            Scope::Uniform => "of faces",
+            _ => "of another kind",
+        };
+        sentences.push(format!("{name}: normals {of} are left out: a cache has them at points"));
+    }
+    let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
+    let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
+    sentences
+        .extend(moving.map(|param| format!("{name}: {} moves, and has its first value in all frames", param.name())));
+    let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
+    let is_there = |crease: &&&str| mesh.geom().samples(crease).is_some_and(|samples| !samples.is_empty());
+    let creases = creases.iter().filter(is_there);
+    sentences.extend(creases.map(|crease| format!("{name}: {crease} is left out: it is not copied to the cache")));
+    sentences
+}
+
+/// Faces of a sample as the rest of the program has them.
+fn counter_clockwise(mesh: &PolyMesh, sample: usize) -> Result<Connectivity, IoError> {
+    let mut faces = mesh.faces(sample)?;
+    reverse(&faces.face_counts, &mut faces.face_indices);
+    Ok(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices })
 }
 
 impl ArchiveMesh {
@@ -177,22 +166,22 @@ impl ArchiveMesh {
         let Sorted { frames, between, samples, counted } = sorted(&times, fps);
         let sample = |number: usize| Sample { time: times[number], around: around(&mesh, times[number]) };
         let samples = samples.into_iter().map(sample).collect();
-        let found = Self { mesh, samples, counted };
+        let found = Self { mesh, samples };
         let mut described = CacheMesh {
             name: found.mesh.object().path().to_owned(),
-            points: 0,
-            faces: Connectivity::default(),
-            triangles: Vec::new(),
             frames,
             between,
+            counts_samples: counted,
+            is_still: found.samples.len() <= 1,
+            left_out: left_out(&found.mesh),
+            ..CacheMesh::default()
         };
         if let Some(first) = found.samples.first() {
-            let mut faces = found.mesh.faces(first.around.0)?;
-            reverse(&faces.face_counts, &mut faces.face_indices);
-            let points: Vec<Vec3> = found.world(archive, 0)?.into_iter().map(Vec3::from).collect();
+            let faces = counter_clockwise(&found.mesh, first.around.0)?;
+            let points = found.world(archive, 0)?;
             described.points = points.len();
             described.triangles = triangles_of(&found.mesh, &points).unwrap_or_default();
-            described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
+            described.faces = faces;
         }
         Ok((found, described))
     }
@@ -209,19 +198,17 @@ impl ArchiveMesh {
         if share > 0.0 {
             let next = self.mesh.positions(above)?;
             if next.len() != points.len() {
-                let object = format!("object {}, time {time:.6} s", self.mesh.object().path());
-                let what = format!("the number of points changes from {} to {}", points.len(), next.len());
-                let advice = "export it with constant topology (no modifiers that change it)";
-                return Err(IoError::data(archive.path(), object, what, advice));
+                return Err(changed(archive.path(), &self.mesh, (time, points.len(), next.len())));
             }
             blend(&mut points, &next, share);
         }
         Ok(points)
     }
 
-    fn world(&self, archive: &Archive, sample: usize) -> Result<Vec<[f64; 3]>, IoError> {
+    fn world(&self, archive: &Archive, sample: usize) -> Result<Vec<Vec3>, IoError> {
         let matrix = self.to_world(sample)?;
-        Ok(self.points(archive, sample)?.into_iter().map(|p| transform_point(p.map(f64::from), &matrix)).collect())
+        let points = self.points(archive, sample)?;
+        Ok(points.into_iter().map(|p| Vec3::from(transform_point(p.map(f64::from), &matrix))).collect())
     }
 
     /// Velocities as stored; linear between two of them.
@@ -234,14 +221,6 @@ impl ArchiveMesh {
             blend(&mut rates, &next, share);
         }
         Ok(Some(rates))
-    }
-}
-
-/// Goes a share of the way to other vectors.
-fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
-    for (v, other) in vectors.iter_mut().zip(others) {
-        let between = |a: f32, b: f32| (f64::from(a) + (f64::from(b) - f64::from(a)) * share) as f32;
-        *v = std::array::from_fn(|axis| between(v[axis], other[axis]));
     }
 }
 
@@ -270,9 +249,7 @@ fn around(mesh: &PolyMesh, time: f64) -> (usize, usize, f64) {
 pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     let stored =
         mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
-    let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
-    let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
-    let stored = stored.and_then(|stored| stored.into_iter().map(triangle).collect::<Option<Vec<_>>>());
+    let stored = stored.and_then(|stored| listed_triangles(&stored, points.len()));
     if stored.is_some() {
         return stored;
     }
@@ -282,13 +259,11 @@ pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
 
 /// The faces of the first sample, counter-clockwise, if they can be read.
 pub fn faces_of(mesh: &PolyMesh) -> Option<Connectivity> {
-    let mut faces = mesh.faces(0).ok()?;
-    reverse(&faces.face_counts, &mut faces.face_indices);
-    Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices })
+    counter_clockwise(mesh, 0).ok()
 }
 
 /// All that is stored of a sample; `of_file` are the bounds of everything in it.
-pub(super) fn stored(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
+fn stored(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
     let positions = mesh.positions(sample)?;
     let bounds = bounds_of(&positions);
     let matrix = mesh.world_matrix_at(mesh.time(sample))?;

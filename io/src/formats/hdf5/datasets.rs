@@ -3,7 +3,7 @@
 
 use hdf5::{Dataset, H5Type};
 
-/// Where the values of a dataset lie in a file of `length` bytes; `None` if there are none.
+/// Offset of the values of a dataset in a file of `length` bytes; `None` if there are none.
 ///
 /// # Errors
 /// They are not in one place (no file of this program has compressed or scattered datasets), or not all in the file.
@@ -22,7 +22,7 @@ pub(crate) fn place_of(dataset: &Dataset, length: u64) -> hdf5::Result<Option<u6
     }
 }
 
-/// How many times smaller than its values a compressed dataset may be; zlib reaches 1032.
+/// Most by which a compressed dataset is smaller than its values, as a factor; zlib reaches 1032.
 const DENSEST: u64 = 4096;
 
 /// Refuses a dataset that other programs have written, perhaps compressed, if its values cannot all have been stored.
@@ -63,7 +63,7 @@ pub(crate) fn values<T: H5Type>(file: &hdf5::File, name: &str) -> hdf5::Result<V
 /// Attribute: what the positions of a cache are counted from, in its unit and axes. Only in caches with an origin of their own.
 pub(super) const ORIGIN: &str = "origin";
 
-/// What the positions of a cache are counted from, in its unit and axes; `None` where that is the origin of the world.
+/// Origin that the positions of a cache are counted from, in its unit and axes; `None` where that is the origin of the world.
 ///
 /// # Errors
 /// It is not three numbers.

@@ -3,9 +3,8 @@
 use drapery_usd::Interpolation;
 use drapery_usd::write::{FaceSubset, Primvar, Subdivision, Values};
 
-use crate::formats::alembic_writer::reverse;
-use crate::formats::usd_reader::TOKEN;
-use crate::mesh_data::{BoundMaterial, FaceSet, MeshParam, PodType, Scope};
+use super::read::TOKEN;
+use crate::mesh_data::{BoundMaterial, FaceSet, MeshParam, PodType, Scope, reverse};
 
 /// How renderers take the faces; as they are where nobody says.
 pub(super) fn subdivision(word: Option<&str>) -> Subdivision {

@@ -12,18 +12,18 @@ use drapery_alembic::{
 };
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use globset::{GlobBuilder, GlobMatcher};
 
-use super::alembic_writer::{RENDER_MESH_OF, reverse};
+use super::write::RENDER_MESH_OF;
 use crate::error::IoError;
+use crate::formats::fitting;
 use crate::input_file;
-use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
+use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs, merge, reverse};
 
 /// Points or faces that are read at a time.
 const PIECE: usize = 8192;
 
 /// Times closer than this are one sample [s]: archives round frame / fps differently for points and transforms.
-pub(crate) const SAME_TIME: f64 = 1e-6;
+pub(super) const SAME_TIME: f64 = 1e-6;
 
 /// A time this close to a stored one, in sample steps, is that sample and not a blend of two.
 const SAME_SAMPLE: f64 = 1e-3;
@@ -73,11 +73,9 @@ impl AlembicMesh {
         if above != below && share > 0.0 && mesh.topology_variance() != TopologyVariance::Constant {
             let [before, after] = [mesh.vertex_count(below)?, mesh.vertex_count(above)?];
             if before != after {
-                return Err(self.changed(mesh, time, before, after));
+                return Err(changed(&self.path, mesh, (time, before, after)));
             }
-            for (p, q) in local.iter_mut().zip(&mesh.positions_in(above, range)?) {
-                *p = std::array::from_fn(|i| (f64::from(p[i]) + (f64::from(q[i]) - f64::from(p[i])) * share) as f32);
-            }
+            blend(&mut local, &mesh.positions_in(above, range)?, share);
         }
         Ok(local.iter().map(|p| Vec3::from(transform_point(p.map(f64::from), &matrix))).collect())
     }
@@ -86,15 +84,6 @@ impl AlembicMesh {
     fn point_count(mesh: &PolyMesh, time: f64) -> Result<usize, IoError> {
         let (below, _, _) = mesh.time_sampling().bracket(time, mesh.sample_count());
         Ok(mesh.vertex_count(below)?)
-    }
-
-    fn changed(&self, mesh: &PolyMesh, time: f64, before: usize, after: usize) -> IoError {
-        IoError::data(
-            &self.path,
-            format!("object {}, time {time:.6} s", mesh.object().path()),
-            format!("the number of points changes from {before} to {after}"),
-            "export it with constant topology (no modifiers that change it)",
-        )
     }
 
     /// The stored times around `time` and the share of the second; equal on a sample and outside.
@@ -155,7 +144,7 @@ impl MeshReader for AlembicMesh {
             let count = Self::point_count(mesh, below)?;
             let after = if share > 0.0 { Self::point_count(mesh, above)? } else { count };
             if after != count {
-                return Err(self.changed(mesh, above, count, after));
+                return Err(changed(&self.path, mesh, (above, count, after)));
             }
             for start in (0..count).step_by(PIECE) {
                 let range = start..(start + PIECE).min(count);
@@ -213,12 +202,22 @@ impl MeshReader for AlembicMesh {
     }
 }
 
-/// What finds the objects whose path fits a pattern.
-pub(super) fn fitting(path: &Path, pattern: &str) -> Result<GlobMatcher, IoError> {
-    let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|error| {
-        IoError::data(path, format!("path = \"{pattern}\""), error.to_string(), "write it like /hero/geo/*")
-    })?;
-    Ok(fits.compile_matcher())
+/// The error of a mesh whose number of points changes before a time [s].
+pub(super) fn changed(path: &Path, mesh: &PolyMesh, (time, before, after): (f64, usize, usize)) -> IoError {
+    IoError::data(
+        path,
+        format!("object {}, time {time:.6} s", mesh.object().path()),
+        format!("the number of points changes from {before} to {after}"),
+        "export it with constant topology (no modifiers that change it)",
+    )
+}
+
+/// Goes a share of the way to other vectors.
+pub(super) fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
+    for (v, other) in vectors.iter_mut().zip(others) {
+        let between = |a: f32, b: f32| (f64::from(a) + (f64::from(b) - f64::from(a)) * share) as f32;
+        *v = std::array::from_fn(|axis| between(v[axis], other[axis]));
+    }
 }
 
 /// Says what an archive holds instead of meshes.
@@ -246,7 +245,7 @@ pub fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
 }
 
 /// Times at which transforms above a mesh are stored, of those that change.
-pub(crate) fn transform_times(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
+pub(super) fn transform_times(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
     let mut times = Vec::new();
     let mut parent = mesh.object().parent();
     while let Some(object) = parent {
@@ -262,7 +261,7 @@ pub(crate) fn transform_times(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
 }
 
 /// Puts times in order, each once.
-pub(crate) fn merge_times(times: &mut Vec<f64>) {
+pub(super) fn merge_times(times: &mut Vec<f64>) {
     times.sort_by(f64::total_cmp);
     times.dedup_by(|b, a| *b - *a < SAME_TIME);
 }
@@ -374,29 +373,4 @@ fn is_mirrored(mesh: &PolyMesh, time: f64) -> Result<bool, IoError> {
 fn determinant(m: &Matrix) -> f64 {
     let row = |i: usize| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]);
     row(0).dot(&row(1).cross(&row(2)))
-}
-
-/// Two meshes as one; attributes other than UVs and face sets belong to single objects and are dropped.
-pub(super) fn merge(mut a: MeshData, b: MeshData) -> MeshData {
-    let (points, faces) = (a.mesh.points.len() as u32, a.mesh.face_counts.len() as u32);
-    a.mesh.points.extend(b.mesh.points);
-    a.mesh.face_counts.extend(b.mesh.face_counts);
-    a.mesh.face_indices.extend(b.mesh.face_indices.iter().map(|i| i + points));
-    a.uvs = a.uvs.zip(b.uvs).map(|(mut u, v)| {
-        let values = u.values.len() as u32;
-        u.values.extend(v.values);
-        u.indices.extend(v.indices.iter().map(|i| i + values));
-        u
-    });
-    for set in b.face_sets {
-        let moved = set.faces.iter().map(|face| face + faces);
-        match a.face_sets.iter_mut().find(|known| known.name == set.name) {
-            Some(known) => known.faces.extend(moved),
-            None => a.face_sets.push(FaceSet { faces: moved.collect(), ..set }),
-        }
-    }
-    a.params.clear();
-    a.material = a.material.filter(|material| b.material.as_ref() == Some(material));
-    a.subdivision = a.subdivision.filter(|scheme| b.subdivision.as_ref() == Some(scheme));
-    a
 }

@@ -1,0 +1,87 @@
+//! Summary of a stage.
+
+use std::path::{Path, PathBuf};
+
+use drapery_usd::read::{Chosen, Entry, Stage, UsdError};
+
+use super::read::mesh_data;
+use crate::error::IoError;
+use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+
+/// Looks into a stage.
+///
+/// # Errors
+/// The file cannot be opened, or a mesh of it contradicts itself.
+pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
+    let stage = Stage::open(path)?;
+    let about = stage.about();
+    let mut properties = Vec::new();
+    let mut tell = |name: &str, value: String| properties.push((name.to_owned(), value));
+    let or_default =
+        |said: Option<String>, default: &str| said.unwrap_or_else(|| format!("not said; USD's default is {default}"));
+    tell("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
+    tell("upAxis", or_default(about.up_axis.clone(), "Y"));
+    tell("timeCodesPerSecond", about.codes_per_second.to_string());
+    tell("framesPerSecond", or_default(about.frames_per_second.map(|rate| rate.to_string()), "24"));
+    let range = about.range.map(|[first, last]| format!("{first} to {last}"));
+    tell("time codes", range.unwrap_or_else(|| "not said".to_owned()));
+    tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not said".to_owned()));
+    tell("layers", about.layers.len().to_string());
+    let own = path.canonicalize().ok();
+    let folder = own.as_deref().and_then(Path::parent);
+    let whole = |layer: &PathBuf| layer.canonicalize().unwrap_or_else(|_| layer.clone());
+    let outside = |layer: &PathBuf| folder.is_some_and(|folder| !layer.starts_with(folder));
+    for layer in about.layers.iter().map(whole).filter(outside) {
+        tell("layer outside of its folder", layer.display().to_string());
+    }
+    for (_, flaw) in &about.flaws {
+        tell("broken", format!("{}: {}", flaw.place, flaw.what));
+    }
+    let mut meshes = Vec::new();
+    for (place, entry) in about.meshes.iter().enumerate() {
+        meshes.push(match stage.choose(&[place]) {
+            Ok(chosen) => mesh_summary(&stage, entry, &chosen)?,
+            // What is wrong with this one is reported, and the others are reported as they are.
+            Err(error) => unreadable(entry.path.clone(), error),
+        });
+    }
+    Ok(FileSummary { format: "USD", properties, meshes, others: about.others.clone() })
+}
+
+fn unreadable(path: String, error: UsdError) -> MeshSummary {
+    MeshSummary { path, topology: "unknown", problem: Some(error.what), ..MeshSummary::default() }
+}
+
+fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSummary, IoError> {
+    let path = match entry.skipped() {
+        Some(why) => format!("{} (not read: {why})", entry.path),
+        None => entry.path.clone(),
+    };
+    let codes = &chosen.codes;
+    let first = codes.first().copied().unwrap_or(0.0);
+    let sample = match stage.mesh(0, first) {
+        Ok(sample) => sample,
+        Err(error) => return Ok(unreadable(path, error)),
+    };
+    let per_second = stage.about().codes_per_second;
+    let seconds = |code: f64| if per_second > 0.0 { code / per_second } else { 0.0 };
+    let data = mesh_data(entry.path.clone(), sample);
+    Ok(MeshSummary {
+        path,
+        points: data.mesh.points.len(),
+        faces: face_kinds(&data.mesh.face_counts),
+        topology: match (stage.faces_move(0)?, codes.is_empty()) {
+            (true, _) => "changing",
+            (false, false) => "constant faces, moving points",
+            (false, true) => "constant",
+        },
+        samples: codes.len().max(1),
+        times: [seconds(first), seconds(codes.last().copied().unwrap_or(0.0))],
+        bounds: bounds(&data.mesh.points),
+        uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
+        face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
+        attributes: data.params.into_iter().map(|param| param.name).collect(),
+        velocities: stage.stored(0, first)?.is_some_and(|stored| stored.velocities.is_some()),
+        ..MeshSummary::default()
+    })
+}
