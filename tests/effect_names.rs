@@ -16,7 +16,7 @@ const ROOMS: &str = "core/src/effects";
 
 /// The files of a checkout that name effects outside the effects' own rooms, below its root, each with how often.
 pub fn named_outside_their_rooms(root: &Path) -> Vec<(PathBuf, usize)> {
-    let is_listed = |stem: &str| LISTED.iter().any(|(name, _)| *name == stem);
+    let is_listed = |stem: &str| LISTED.contains(&stem);
     let files = FOLDERS.iter().flat_map(|folder| rust_files(&root.join(folder)));
     let below = |path: PathBuf| path.strip_prefix(root).map(Path::to_owned).ok();
     let outside = files.filter_map(below).filter(|path| {
@@ -24,7 +24,7 @@ pub fn named_outside_their_rooms(root: &Path) -> Vec<(PathBuf, usize)> {
         !first.is_some_and(|name| is_listed(name.to_string_lossy().trim_end_matches(".rs")))
     });
     // An effect of this program alone: an older checkout may not have it.
-    let effects: BTreeSet<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| has_room(root, name)).collect();
+    let effects: BTreeSet<&str> = LISTED.iter().copied().filter(|name| has_room(root, name)).collect();
     let count = |path: PathBuf| {
         let text = std::fs::read_to_string(root.join(&path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let names = names(&text, &effects);

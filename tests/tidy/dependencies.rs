@@ -1,7 +1,5 @@
 //! What each crate may depend on. A new dependency is a decision: it needs a page in `docs/dev/decisions/` and a word here.
 
-use drapery_core::effects::LISTED;
-
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
@@ -179,20 +177,6 @@ fn every_member_of_the_workspace_has_its_list() {
     let mut listed: Vec<&str> = ALLOWED.iter().map(|(folder, ..)| *folder).collect();
     listed.sort_unstable_by_key(|folder| named.iter().position(|name| name == folder));
     assert_eq!(named, listed);
-}
-
-/// Names under `[features]` of a manifest that begin with `effect-`.
-fn effect_features(folder: &str) -> Vec<String> {
-    let path = root().join(folder).join("Cargo.toml");
-    let manifest = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{folder}/Cargo.toml: {e}"));
-    let lines = manifest.lines().filter(|line| line.starts_with("effect-"));
-    lines.filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
-}
-
-#[test]
-fn every_optional_effect_is_a_feature_of_the_solver() {
-    let expected: Vec<&str> = LISTED.iter().filter_map(|(_, feature)| *feature).collect();
-    assert_eq!(effect_features("core"), expected, "core/Cargo.toml, in the order of the registry");
 }
 
 #[test]

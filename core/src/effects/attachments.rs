@@ -14,7 +14,7 @@
 //! An attachment whose spring pulls with more than `break_force` at a state free of collisions lets its vertex go for good: it
 //! is counted (`attachments_broken`) and named with its vertex in the record of that frame.
 
-#![cfg(feature = "effect-attachments")]
+#![cfg(feature = "effects")]
 
 use crate::block_matrix::PartBlocks;
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};

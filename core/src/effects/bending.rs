@@ -9,7 +9,7 @@
 //!
 //! Limits: a flat hinge resists folding only at second order, so the stiffness is not a bending rigidity in N·m.
 
-#![cfg(feature = "effect-bending")]
+#![cfg(feature = "effects")]
 
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS, SpringElement, Springs};

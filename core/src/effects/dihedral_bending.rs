@@ -18,7 +18,7 @@
 //! Limits: at a free edge curvature across that edge is not resisted. A hinge is left out while one of its triangles is
 //! squashed below a tenth of its height.
 
-#![cfg(feature = "effect-dihedral_bending")]
+#![cfg(feature = "effects")]
 
 mod arctangent;
 mod elements;

@@ -11,7 +11,7 @@
 //! limits the time step. A free fall ends at `W + g / rate`, whatever the cloth weighs and however it is turned: that is the
 //! limit of this model. Air that streams along cloth and presses against it is another effect.
 
-#![cfg(feature = "effect-ether_drag")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::block_matrix::PartBlocks;

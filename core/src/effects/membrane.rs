@@ -28,7 +28,7 @@
 //! Limits: a triangle that is pressed to a line or a point resists with finite forces and may turn over, as cloth may. The
 //! stiffest triangle sets the time step; the thinnest `thin_triangles` of them are softened.
 
-#![cfg(feature = "effect-membrane")]
+#![cfg(feature = "effects")]
 
 mod element;
 mod part_membrane;

@@ -18,7 +18,7 @@
 //! It changes the rest angles of `dihedral_bending`, which the garment has to have; rest angles and yield angles that have
 //! changed are in the section `plastic_wrinkles` of checkpoints. Limits: folds never relax, and stretch stays elastic.
 
-#![cfg(feature = "effect-plastic_wrinkles")]
+#![cfg(feature = "effects")]
 
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;

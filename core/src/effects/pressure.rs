@@ -20,7 +20,7 @@
 //! gas. Gas is stiff (the earth's air has 100 kPa): light cloth takes short steps. `open = true` lets the surface have edges,
 //! which then feel a net force, as a parachute does.
 
-#![cfg(feature = "effect-pressure")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::effects::force::{Force, ForceContext, PartView};

@@ -20,7 +20,7 @@
 //! `self_collision` closes its seams to the larger thickness of both garments, unless it says another `rest_gap`. A seam is not
 //! welded: strained strongly it opens by force over stiffness.
 
-#![cfg(feature = "effect-seams")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};

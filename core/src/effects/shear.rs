@@ -18,7 +18,7 @@
 //! corner that lies exactly on its edge has no direction to go and is not pushed. Stiffness against shear follows from the
 //! mesh; measured values belong to `membrane`.
 
-#![cfg(feature = "effect-shear")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};

@@ -19,7 +19,7 @@
 //! (`strain_over_limit`) and shows in the largest strain of the frame: a limit of 1 % under load over a hundred rows of edges
 //! takes some hundred sweeps. Bodies, and collisions in C, come after the limit and may stretch edges beyond it.
 
-#![cfg(feature = "effect-strain_limit")]
+#![cfg(feature = "effects")]
 
 mod part_edges;
 

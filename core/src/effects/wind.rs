@@ -26,7 +26,7 @@
 //! Limits: the air does not feel the cloth. There is no lee behind a body or a layer, no lift of streamlines and no mass of
 //! air that is carried along.
 
-#![cfg(feature = "effect-wind")]
+#![cfg(feature = "effects")]
 
 use std::sync::Arc;
 

@@ -241,7 +241,7 @@ fn a_squashed_triangle_is_left_out_and_counted() {
     }
 }
 
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 #[test]
 fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     // Two triangles of height h = 1 cm, which yield at h over the radius of 2 cm: at 0.5 rad.
@@ -277,7 +277,7 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
 }
 
 /// Pairs of triangles of height 1 cm, far apart, each with its own values of some maps, and what yields is 2 cm and so on.
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 fn painted_pairs(maps: &[(&str, [f64; 3])]) -> Scene {
     let pair = [Vec3::zeros(), Vec3::x(), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
     let points = (0..3).flat_map(|n| pair.map(|p| p * 0.01 + Vec3::x() * f64::from(n))).collect();
@@ -297,7 +297,7 @@ fn painted_pairs(maps: &[(&str, [f64; 3])]) -> Scene {
     Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 #[test]
 fn folds_yield_harden_and_end_as_is_painted_on_them() {
     // Rest angle and yield angle of each pair after a fold of 0.8 rad; `None` where nothing stays.
