@@ -16,8 +16,8 @@
 
 #![cfg(feature = "effects")]
 
-use crate::block_matrix::PartBlocks;
-use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -121,16 +121,6 @@ impl Force for PartAttachments {
         }
     }
 
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for a in self.springs.iter().filter(|a| a.active) {
-            rows.add_scalar(a.vertex, factors.stiffness * a.stiffness + factors.damping * a.damping);
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_stiffness(&self, sums: &mut [f64]) {
         for a in &self.springs {
             sums[a.vertex] += a.stiffness;
@@ -142,5 +132,17 @@ impl Force for PartAttachments {
         let apart =
             |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartAttachments {
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, _: &[Slot], rows: &mut PartBlocks) {
+        for a in self.springs.iter().filter(|a| a.active) {
+            rows.add_scalar(a.vertex, factors.stiffness * a.stiffness + factors.damping * a.damping);
+        }
     }
 }

@@ -14,8 +14,8 @@
 #![cfg(feature = "effects")]
 
 use crate::Vec3;
-use crate::block_matrix::PartBlocks;
-use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -88,7 +88,14 @@ impl Force for EtherDrag {
             *f -= *v * *drag;
         }
     }
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for EtherDrag {
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, _: &[Slot], rows: &mut PartBlocks) {
         for (vertex, drag) in self.drag.iter().enumerate() {
             rows.add_scalar(vertex, factors.damping * drag);
         }

@@ -32,7 +32,8 @@ pub mod wind;
 
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
 pub use force::{
-    BlockFactors, FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter,
+    BlockFactors, FilterStep, Force, ForceContext, Linearised, PartForce, PartMotion, PartView, Plastic, Purpose,
+    Strained, VelocityFilter,
 };
 pub use inputs::INPUTS;
 pub use registry::{PlannedEffect, build_all, find, lacking, maps};

@@ -14,7 +14,7 @@ pub(crate) fn longest_stable_step(
     let cfl = settings.cfl;
     let explicit = forces.iter().filter(|force| match settings.integrator {
         Integrator::SemiImplicit => true,
-        Integrator::TrBdf2 => !force.has_blocks(),
+        Integrator::TrBdf2 => force.linearised().is_none(),
     });
     explicit.for_each(|f| f.add_stiffness(sums));
     let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));

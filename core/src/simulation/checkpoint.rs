@@ -76,7 +76,8 @@ impl Simulation {
     /// What has yielded in elements that count on this rank, by vertices of the scene.
     fn remember_elements(&self, section: SectionId) -> SavedSection {
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
-        self.dynamics.forces.iter().flatten().for_each(|force| force.save_elements(&mut rows));
+        let plastic = self.dynamics.forces.iter().flatten().filter_map(|force| force.plastic());
+        plastic.for_each(|force| force.save_elements(&mut rows));
         let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
         SavedSection::new(section).with(HINGES, Field::Elements(rows))
     }
@@ -162,7 +163,8 @@ impl Simulation {
         let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
         if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
             let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
-            self.dynamics.forces.iter_mut().flatten().for_each(|force| force.restore_elements(&rows));
+            let plastic = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.plastic_mut());
+            plastic.for_each(|force| force.restore_elements(&rows));
         }
         self.frame = frame;
         let elsewhere =

@@ -308,7 +308,7 @@ impl Simulation {
         let contacts = Contacts { bodies: collision, cloth: self_contact };
         let variants = Variants::of(solver.integrator, solver.body_friction, &contacts);
         let with_v_star = contacts.bodies.is_some() || variants.collides_after_position;
-        let stages = (solver.integrator == Integrator::TrBdf2).then(|| StageArrays::new(parts, &mut forces));
+        let stages = (solver.integrator == Integrator::TrBdf2).then(|| StageArrays::new(parts, &forces));
         let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
