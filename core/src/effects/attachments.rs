@@ -18,7 +18,7 @@
 
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::pins;
@@ -39,16 +39,14 @@ stiffness = "20 N/m""#,
     needs: &[Need::State, Need::PinTargets],
     elements: "springs",
     section: Some(pins::SECTION),
-    counts: &["attachments_broken"],
     maps: &[
         MapSpec::of("pins", &["stiffness"]),
         MapSpec::of("pin_damping", &["damping_ratio"]),
         MapSpec { varies: Some(can_break), ..MapSpec::of("break_force", &["break_force"]) },
     ],
-    shared_stages: &["bodies and pins"],
-    is_essential: true,
-    does_work: Some(SceneDescription::moves_pins),
-    force_cost: ForceCost { update: 15.0, product: 3.0 },
+    report: Report { shared_stages: &["bodies and pins"], counts: &["attachments_broken"], ..Report::NONE },
+    study: Study { is_essential: true, does_work: Some(SceneDescription::moves_pins), ..Study::OUTSIDE },
+    cost: Cost { update: 15.0, product: 3.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

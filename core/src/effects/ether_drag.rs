@@ -16,7 +16,7 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -48,7 +48,7 @@ rate = 1.0",
     needs: &[Need::State],
     elements: "vertices",
     maps: &[MapSpec::of("ether_drag", &["rate"])],
-    force_cost: ForceCost { update: 2.0, product: 1.0 },
+    cost: Cost { update: 2.0, product: 1.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

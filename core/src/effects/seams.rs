@@ -25,7 +25,7 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{Scene, SeamDescription};
@@ -43,10 +43,8 @@ to = { garment = "sheet", corners = ["injn"] }"#,
     fields: &[],
     needs: &[Need::State],
     elements: "stitches",
-    is_internal: true,
-    is_essential: true,
-    does_work: Some(|_| true),
-    force_cost: ForceCost { update: 15.0, product: 5.0 },
+    study: Study { is_essential: true, does_work: Some(|_| true), ..Study::INTERNAL },
+    cost: Cost { update: 15.0, product: 5.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

@@ -23,7 +23,7 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope, Study};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
 use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::error::Problem;
@@ -62,9 +62,8 @@ stiffness = "5 N/m""#,
     needs: &[Need::State],
     elements: "triangles",
     maps: &[MapSpec::of("shear", &["stiffness", "spring_stiffness"]), MapSpec::of("shear_damping", &["damping_ratio"])],
-    bytes_of_point: 520.0,
-    is_internal: true,
-    force_cost: ForceCost { update: 25.0, product: 8.0 },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 520.0, update: 25.0, product: 8.0 },
     build,
     ..EffectSpec::BARE
 };

@@ -35,7 +35,7 @@ use nalgebra::Matrix3;
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, ForceContext, Linearised, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::geometry::attachment::along_path;
@@ -55,9 +55,8 @@ velocity = [0, 2, 0]",
     needs: &[Need::State],
     elements: "triangles",
     maps: &[MapSpec::fraction("wind", &["tangential", "density", "normal"])],
+    cost: Cost { bytes_of_point: 100.0, update: 20.0, product: 6.0 },
     looks_at_sides: |request| request.settings.contains_key("normal").then_some("`normal` of the wind"),
-    bytes_of_point: 100.0,
-    force_cost: ForceCost { update: 20.0, product: 6.0 },
     build,
     ..EffectSpec::BARE
 };
