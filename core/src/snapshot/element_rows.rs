@@ -1,9 +1,6 @@
 //! What time has changed in elements of cloth, such as hinges, keyed by the vertices that they join: it needs no numbering of the
 //! elements, and every rank finds those that it has.
 
-use crate::parallel::parts::Parts;
-use crate::snapshot::{SnapshotSink, ValueKind, Values};
-
 /// For each element the numbers of its vertices, and values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ElementRows {
@@ -47,49 +44,13 @@ impl ElementRows {
         found
     }
 
-    /// Vertices and values of a row.
-    pub(super) fn width(&self) -> usize {
-        self.width
+    /// Vertices of each element, vertices and values together, and all values row after row.
+    pub(super) fn into_parts(self) -> (usize, usize, Vec<f64>) {
+        (self.nodes, self.width, self.rows)
     }
 
-    /// All values, row after row.
-    pub(super) fn rows(&self) -> &[f64] {
-        &self.rows
-    }
-
-    /// Puts these rows in the place of all.
-    pub(super) fn set(&mut self, rows: Vec<f64>) {
-        self.rows = rows;
-    }
-
-    /// Gives the rows these vertices.
-    pub(super) fn set_nodes(&mut self, nodes: &[u32]) {
-        for (row, nodes) in self.rows.chunks_exact_mut(self.width).zip(nodes.chunks_exact(self.nodes)) {
-            row.iter_mut().zip(nodes).for_each(|(value, node)| *value = f64::from(*node));
-        }
-    }
-
-    /// Whether every value is a number.
-    pub(super) fn is_finite(&self) -> bool {
-        self.rows.iter().all(|value| value.is_finite())
-    }
-
-    /// Writes the rows of all ranks in the order of their vertices' own numbers, so that it does not show who had them. All ranks
-    /// call it together.
-    pub(super) fn give(&self, parts: &Parts, name: &str, sink: Option<&mut (dyn SnapshotSink + '_)>) {
-        let own_number = |number: u32| {
-            let (garment, own) = parts.own_vertex(parts.local(number)?);
-            Some(parts.partition().garments()[garment].start as u32 + own)
-        };
-        let own = self.renumbered(own_number);
-        let gathered = parts.ranks().gather(&own.rows).concat();
-        let mut all: Vec<&[f64]> = gathered.chunks_exact(self.width).collect();
-        all.sort_unstable_by(|a, b| {
-            a[..self.nodes].iter().map(|n| *n as u32).cmp(b[..self.nodes].iter().map(|n| *n as u32))
-        });
-        if let Some(sink) = sink {
-            sink.dataset(name, &[all.len(), self.width], ValueKind::F64);
-            sink.rows(Values::F64(all.concat()));
-        }
+    /// The inverse of [`ElementRows::into_parts`].
+    pub(super) fn from_parts(nodes: usize, width: usize, rows: Vec<f64>) -> Self {
+        Self { nodes, width, rows }
     }
 }
