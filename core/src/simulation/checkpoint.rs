@@ -6,17 +6,15 @@ use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::error::Problems;
 use crate::scene::{Integrator, Scene};
-use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers};
+use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers, renumbered};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
 
 /// Positions and velocities, which every scene has.
 const STATE: SectionId = SectionId { name: "state", version: 2 };
 
-/// Name of the rows of hinges, and how many vertices and values each has.
+/// Name of the rows of elements that have yielded.
 const HINGES: &str = "hinges";
-const HINGE_VERTICES: usize = 4;
-const HINGE_VALUES: usize = 2;
 
 /// A room of the solver that remembers something from frame to frame.
 pub(super) struct Room {
@@ -186,16 +184,17 @@ impl Simulation {
     /// What has yielded in elements that count on this rank, by vertices of the scene.
     fn save_elements(&self) -> Option<SavedSection> {
         let section = SavedSection::new(self.yields?);
-        let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new());
         let plastic = self.dynamics.forces.iter().flatten().filter_map(|force| force.plastic());
         plastic.for_each(|force| force.save_elements(&mut rows));
-        let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
-        Some(section.with(HINGES, Field::elements(rows)))
+        let rows = renumbered(rows, |vertex| Some(parts.number(vertex as usize)));
+        Some(section.with(HINGES, Field::elements(&rows)))
     }
 
     fn restore_elements(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
         let parts = self.scene.parts();
-        let rows = section.elements(HINGES).renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
+        let local = |number| parts.local(number).map(|vertex| vertex as u32);
+        let rows = renumbered(section.elements(HINGES), local);
         let plastic = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.plastic_mut());
         plastic.for_each(|force| force.restore_elements(&rows));
         Ok(())

@@ -7,7 +7,6 @@
 //! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
 //! from a [`SnapshotSource`]. [`Snapshot`] is both.
 
-mod element_rows;
 mod rows;
 pub(crate) mod saved_section;
 

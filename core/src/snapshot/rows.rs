@@ -5,8 +5,7 @@ use std::ops::Range;
 use crate::parallel::message::{Codec, codec};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
-use crate::snapshot::element_rows::ElementRows;
-use crate::snapshot::saved_section::{OwnTarget, TargetNumbers};
+use crate::snapshot::saved_section::{ElementRows, OwnTarget, TargetNumbers, elements_of, flat, renumbered};
 use crate::snapshot::{SnapshotError, Value};
 
 /// Rows that travel together.
@@ -154,18 +153,10 @@ fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>
     found.into_iter().map(|number| (number >= 0.0).then_some(number as u32)).collect()
 }
 
-/// Rows of elements of all ranks, of which the first `nodes` values are numbers of vertices in the scene, on rank 0: by the vertices'
-/// own numbers and in their order, so that it does not show who had them.
-pub(super) fn sorted_elements(parts: &Parts, rows: &ElementRows) -> Vec<f64> {
-    let own = rows.renumbered(|number| parts.local(number).map(|local| own_number(parts, local)));
-    let (nodes, width, rows) = own.into_parts();
-    let gathered = parts.ranks().gather(&rows).concat();
-    let mut all: Vec<&[f64]> = gathered.chunks_exact(width).collect();
-    all.sort_unstable_by(|a, b| {
-        let [a, b] = [a, b].map(|row| row[..nodes].iter().map(|n| *n as u32));
-        a.cmp(b)
-    });
-    all.concat()
+/// The elements of all ranks by the vertices' own numbers and in their order, so that it does not show who had them; on rank 0.
+pub(super) fn sorted_elements(parts: &Parts, own: ElementRows) -> ElementRows {
+    let own = renumbered(own, |number| parts.local(number).map(|local| own_number(parts, local)));
+    elements_of(&parts.ranks().gather(&flat(&own)).concat())
 }
 
 /// The rows of those targets that are this rank's in `new`.

@@ -2,6 +2,8 @@
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
+use std::collections::BTreeMap;
+
 use bytemuck::cast_slice;
 
 use crate::Vec3;
@@ -10,7 +12,18 @@ use crate::scene::{FARTHEST, is_possible};
 use crate::snapshot::rows::{Rows, moved_targets, own_order, read_and_broadcast, scene_order, sorted_elements};
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, Value, Values, of_any_kind};
 
-pub use crate::snapshot::element_rows::ElementRows;
+/// What time has changed in elements of four vertices, as hinges are: two numbers for each, by its vertices. It needs no numbering of
+/// the elements, and every rank finds those that it has.
+pub type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
+
+/// The same elements with other numbers of vertices, without those that have a vertex without a number.
+pub(crate) fn renumbered(rows: ElementRows, number: impl Fn(u32) -> Option<u32>) -> ElementRows {
+    let one = |(nodes, values): ([u32; 4], _)| {
+        let [a, b, c, d] = nodes.map(&number);
+        Some(([a?, b?, c?, d?], values))
+    };
+    rows.into_iter().filter_map(one).collect()
+}
 
 /// A section of a snapshot, and hence of a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,9 +68,9 @@ enum Layout {
     Targets,
     /// Any number, of nodes by their numbers in the scene; all ranks know them.
     Numbers,
-    /// One for each element, which begins with so many vertices by their numbers in the scene: of elements that count here when they
-    /// are written, of those of all ranks when they were read or have moved.
-    Elements(usize),
+    /// One for each element, its vertices by their numbers in the scene before its values: of elements that count here when they are
+    /// written, of those of all ranks when they were read or have moved.
+    Elements,
 }
 
 /// A pin target of a rank.
@@ -78,6 +91,20 @@ pub(crate) struct TargetNumbers<'a> {
     pub(crate) all: usize,
 }
 
+/// Vertices of an element, which stand before its values.
+const ELEMENT_NODES: usize = 4;
+
+/// Elements as rows of numbers.
+pub(super) fn flat(elements: &ElementRows) -> Vec<f64> {
+    elements.iter().flat_map(|(nodes, values)| nodes.map(f64::from).into_iter().chain(*values)).collect()
+}
+
+/// The inverse of [`flat`].
+pub(super) fn elements_of(rows: &[f64]) -> ElementRows {
+    let (rows, _) = rows.as_chunks::<{ ELEMENT_NODES + 2 }>();
+    rows.iter().map(|[a, b, c, d, values @ ..]| ([*a, *b, *c, *d].map(|n| n as u32), *values)).collect()
+}
+
 impl Layout {
     /// The rows of this rank, of an array that has `count` if any number is right.
     fn rows(self, parts: &Parts, targets: TargetNumbers<'_>, count: usize) -> Rows {
@@ -87,7 +114,7 @@ impl Layout {
             Self::Nodes { points, given: true } => Rows::of_vertices(parts, points),
             Self::Nodes { given: false, .. } => Rows::known(0),
             Self::Targets => Rows::of_targets(targets),
-            Self::Numbers | Self::Elements(_) => Rows::known(count),
+            Self::Numbers | Self::Elements => Rows::known(count),
         }
     }
 }
@@ -129,18 +156,16 @@ impl Field {
     }
 
     /// Elements that count on this rank, by their vertices in the scene.
-    pub(crate) fn elements(rows: ElementRows) -> Self {
-        let (nodes, width, values) = rows.into_parts();
-        Self::new(Layout::Elements(nodes), width, values)
+    pub(crate) fn elements(rows: &ElementRows) -> Self {
+        Self::new(Layout::Elements, ELEMENT_NODES + 2, flat(rows))
     }
 
     /// What a snapshot has: the values without numbers that a partition enters.
     fn written(&self, parts: &Parts) -> Option<Values> {
         match (self.layout, &self.values) {
             (Layout::Numbers, Values::U32(numbers)) => Some(Values::U32(own_order(parts, numbers))),
-            (Layout::Elements(nodes), Values::F64(rows)) => {
-                let rows = ElementRows::from_parts(nodes, self.width, rows.clone());
-                Some(Values::F64(sorted_elements(parts, &rows)))
+            (Layout::Elements, Values::F64(rows)) => {
+                Some(Values::F64(flat(&sorted_elements(parts, elements_of(rows)))))
             }
             _ => None,
         }
@@ -182,7 +207,7 @@ impl Field {
                 values.extend(known);
             }
             Layout::Targets => *values = moved_targets(new, pinned, width, values),
-            Layout::Elements(_) => *values = ranks.all_gather_v(values).concat(),
+            Layout::Elements => *values = ranks.all_gather_v(values).concat(),
             Layout::Single | Layout::Numbers | Layout::Nodes { given: false, .. } => {}
         });
     }
@@ -245,13 +270,13 @@ impl Reader<'_, '_> {
                 *numbers = scene_order(self.parts, numbers).ok_or_else(wrong)?;
                 Ok(())
             }
-            (Layout::Elements(nodes), Values::F64(values)) => {
-                let own: Vec<u32> =
-                    values.chunks_exact(*width).flat_map(|row| &row[..nodes]).map(|n| *n as u32).collect();
+            (Layout::Elements, Values::F64(values)) => {
+                let rows = values.chunks_exact(*width);
+                let own: Vec<u32> = rows.flat_map(|row| &row[..ELEMENT_NODES]).map(|n| *n as u32).collect();
                 let is_finite = values.iter().all(|value| value.is_finite());
                 let wrong = || self.error(format!("`{name}` has a vertex that does not exist or is not finite"));
                 let found = scene_order(self.parts, &own).filter(|_| is_finite).ok_or_else(wrong)?;
-                for (row, vertices) in values.chunks_exact_mut(*width).zip(found.chunks_exact(nodes)) {
+                for (row, vertices) in values.chunks_exact_mut(*width).zip(found.chunks_exact(ELEMENT_NODES)) {
                     row.iter_mut().zip(vertices).for_each(|(value, vertex)| *value = f64::from(*vertex));
                 }
                 Ok(())
@@ -342,8 +367,7 @@ impl SavedSection {
 
     /// The elements in the field of this name.
     pub(crate) fn elements(&self, name: &str) -> ElementRows {
-        let Field { layout: Layout::Elements(nodes), width, .. } = *self.field(name) else { self.lacks(name) };
-        ElementRows::from_parts(nodes, width, self.values(name).to_vec())
+        elements_of(self.values(name))
     }
 
     fn field(&self, name: &str) -> &Field {

@@ -492,16 +492,14 @@ impl Plastic for PartHinges {
 
     fn save_elements(&self, rows: &mut ElementRows) {
         for (n, fold) in self.folds.iter().enumerate().filter(|(n, fold)| fold.has_yielded && self.counts(*n)) {
-            rows.push(&self.hinges[n].vertices, &[self.hinges[n].rest_angle, fold.yield_angle]);
+            rows.insert(self.hinges[n].vertices, [self.hinges[n].rest_angle, fold.yield_angle]);
         }
     }
 
     fn restore_elements(&mut self, rows: &ElementRows) {
-        let mut known: Vec<(Vec<u32>, &[f64])> = rows.iter().collect();
-        known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
         for (hinge, fold) in self.hinges.iter_mut().zip(&mut self.folds) {
-            if let Ok(row) = known.binary_search_by(|(vertices, _)| vertices[..].cmp(&hinge.vertices)) {
-                (hinge.rest_angle, fold.yield_angle) = (known[row].1[0], known[row].1[1]);
+            if let Some([rest_angle, yield_angle]) = rows.get(&hinge.vertices) {
+                (hinge.rest_angle, fold.yield_angle) = (*rest_angle, *yield_angle);
                 fold.has_yielded = true;
             }
         }

@@ -253,9 +253,9 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     let moved = x.iter().position(|p| p.z > 0.0).expect("a vertex there");
     let folded = |angle: f64| Vec3::new(0.005, 0.01 * angle.sin(), 0.01 * angle.cos());
     let state = |forces: &[PartForce]| -> Vec<Vec<f64>> {
-        let mut rows = ElementRows::new(4, 2);
+        let mut rows = ElementRows::new();
         forces.iter().filter_map(|(_, force)| force.plastic()).for_each(|force| force.save_elements(&mut rows));
-        rows.iter().map(|(_, values)| values.to_vec()).collect()
+        rows.values().map(|values| values.to_vec()).collect()
     };
     // (fold, rest angle, yield angle) after each: elastic; 0.3 beyond; elastic again; the other way; as far as it goes.
     let cases: [(f64, Option<[f64; 2]>); 5] = [
@@ -307,10 +307,10 @@ fn folds_yield_harden_and_end_as_is_painted_on_them() {
         let mut x = start(&scene);
         x.iter_mut().filter(|x| x.z > 0.0).for_each(|x| (x.y, x.z) = (0.01 * 0.8_f64.sin(), 0.01 * 0.8_f64.cos()));
         forces.iter_mut().filter_map(|(_, force)| force.plastic_mut()).for_each(|force| force.update_plasticity(&x));
-        let mut rows = ElementRows::new(4, 2);
+        let mut rows = ElementRows::new();
         forces.iter().filter_map(|(_, force)| force.plastic()).for_each(|force| force.save_elements(&mut rows));
         let mut found = [None; 3];
-        for (vertices, values) in rows.iter() {
+        for (vertices, values) in &rows {
             found[start(&scene)[vertices[0] as usize].x.round() as usize] = Some([values[0].abs(), values[1]]);
         }
         found
