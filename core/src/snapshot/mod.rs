@@ -9,6 +9,8 @@
 
 mod rows;
 pub(crate) mod saved_section;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 

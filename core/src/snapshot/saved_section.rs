@@ -91,9 +91,6 @@ pub(crate) struct TargetNumbers<'a> {
     pub(crate) all: usize,
 }
 
-/// Vertices of an element, which stand before its values.
-const ELEMENT_NODES: usize = 4;
-
 /// Elements as rows of numbers.
 pub(super) fn flat(elements: &ElementRows) -> Vec<f64> {
     elements.iter().flat_map(|(nodes, values)| nodes.map(f64::from).into_iter().chain(*values)).collect()
@@ -101,7 +98,7 @@ pub(super) fn flat(elements: &ElementRows) -> Vec<f64> {
 
 /// The inverse of [`flat`].
 pub(super) fn elements_of(rows: &[f64]) -> ElementRows {
-    let (rows, _) = rows.as_chunks::<{ ELEMENT_NODES + 2 }>();
+    let (rows, _) = rows.as_chunks::<6>();
     rows.iter().map(|[a, b, c, d, values @ ..]| ([*a, *b, *c, *d].map(|n| n as u32), *values)).collect()
 }
 
@@ -157,7 +154,7 @@ impl Field {
 
     /// Elements that count on this rank, by their vertices in the scene.
     pub(crate) fn elements(rows: &ElementRows) -> Self {
-        Self::new(Layout::Elements, ELEMENT_NODES + 2, flat(rows))
+        Self::new(Layout::Elements, 6, flat(rows))
     }
 
     /// What a snapshot has: the values without numbers that a partition enters.
@@ -257,7 +254,7 @@ impl Reader<'_, '_> {
     }
 
     /// Makes sure of what was read, and brings it into the numbers of the scene.
-    fn check(&self, name: &str, Field { layout, width, values }: &mut Field, rows: &Rows) -> Result<(), SnapshotError> {
+    fn check(&self, name: &str, Field { layout, values, .. }: &mut Field, rows: &Rows) -> Result<(), SnapshotError> {
         match (*layout, values) {
             (Layout::Vectors | Layout::Nodes { given: true, .. }, Values::F64(values)) => {
                 let vectors: &[Vec3] = cast_slice(values);
@@ -271,14 +268,11 @@ impl Reader<'_, '_> {
                 Ok(())
             }
             (Layout::Elements, Values::F64(values)) => {
-                let rows = values.chunks_exact(*width);
-                let own: Vec<u32> = rows.flat_map(|row| &row[..ELEMENT_NODES]).map(|n| *n as u32).collect();
                 let is_finite = values.iter().all(|value| value.is_finite());
+                let (nodes, kept): (Vec<[u32; 4]>, Vec<[f64; 2]>) = elements_of(values).into_iter().unzip();
                 let wrong = || self.error(format!("`{name}` has a vertex that does not exist or is not finite"));
-                let found = scene_order(self.parts, &own).filter(|_| is_finite).ok_or_else(wrong)?;
-                for (row, vertices) in values.chunks_exact_mut(*width).zip(found.chunks_exact(ELEMENT_NODES)) {
-                    row.iter_mut().zip(vertices).for_each(|(value, vertex)| *value = f64::from(*vertex));
-                }
+                let found = scene_order(self.parts, nodes.as_flattened()).filter(|_| is_finite).ok_or_else(wrong)?;
+                *values = flat(&found.as_chunks().0.iter().copied().zip(kept).collect());
                 Ok(())
             }
             _ => Ok(()),
