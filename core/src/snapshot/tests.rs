@@ -144,7 +144,7 @@ fn an_array_that_does_not_fit_is_refused_on_all_ranks_with_the_row() {
         (3, |array| array.values = Values::F64(vec![f64::NAN; 150]), "row 0 of `vectors` is not finite"),
         (
             8,
-            |array| array.values = Values::F64(vec![0.5, 1.0, 2.0, 99.0, f64::NAN, 0.0].repeat(3)),
+            |array| array.values = Values::F64([0.5, 1.0, 2.0, 99.0, f64::NAN, 0.0].repeat(3)),
             "`elements` has a vertex",
         ),
         (6, |array| array.shape = vec![7], "`marks` has 7 rows, not 8"),
