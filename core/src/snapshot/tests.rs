@@ -34,7 +34,7 @@ fn own_targets(parts: &Parts) -> Vec<OwnTarget> {
 
 /// Elements of four vertices in a row, each at the rank that has the first; or all.
 fn elements(parts: &Parts, all: bool) -> ElementRows {
-    let here = [3_u32, 12, 40].into_iter().filter(|first| all || parts.local(*first).is_some());
+    let here = [3_u32, 10, 40].into_iter().filter(|first| all || parts.local(*first).is_some());
     here.map(|v| ([v, v + 1, v + 2, v + 3], [f64::from(v), 0.25])).collect()
 }
 
@@ -77,7 +77,7 @@ fn expected() -> Snapshot {
     let nodes: Vec<f64> = vectors.iter().copied().chain([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).collect();
     let element = |v: u32| [own_number(v), own_number(v + 1), own_number(v + 2), own_number(v + 3)].map(f64::from);
     // In the order of the vertices' own numbers.
-    let elements = [40, 12, 3].into_iter().flat_map(|v| element(v).into_iter().chain([f64::from(v), 0.25])).collect();
+    let elements = [40, 10, 3].into_iter().flat_map(|v| element(v).into_iter().chain([f64::from(v), 0.25])).collect();
     let dataset =
         |name: &str, shape: &[usize], values: Values| Dataset { name: name.into(), shape: shape.to_vec(), values };
     let datasets = vec![
