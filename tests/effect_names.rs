@@ -28,7 +28,7 @@ fn collect(root: &Path, folder: &Path, found: &mut Vec<(PathBuf, usize)>) {
     for entry in std::fs::read_dir(root.join(folder)).into_iter().flatten().flatten() {
         let path = folder.join(entry.file_name());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let is_own = folder == Path::new(ROOMS) && LISTED.iter().any(|(name, _)| *name == stem);
+        let is_own = folder == Path::new(ROOMS) && LISTED.iter().any(|name| *name == stem);
         if is_own || OF_TESTS.contains(&&*stem) {
             continue;
         }
@@ -45,7 +45,7 @@ fn collect(root: &Path, folder: &Path, found: &mut Vec<(PathBuf, usize)>) {
 fn names(text: &str) -> usize {
     let code = without_tests(text).lines().filter_map(|line| line.split("//").next());
     let texts = code.flat_map(|line| line.split('"').skip(1).step_by(2));
-    texts.filter(|text| LISTED.iter().any(|(name, _)| name == text)).count()
+    texts.filter(|text| LISTED.iter().any(|name| name == text)).count()
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_analysis::bits::Layout;
 use drapery_analysis::study::vary::parse_vary;
-use drapery_core::effects::{self, LISTED};
+use drapery_core::effects::{LISTED, REGISTRY};
 use drapery_core::observe::Tracepoint;
 use drapery_core::scene::Integrator;
 use drapery_io::checkpoint::Every;
@@ -30,10 +30,9 @@ use values::{
 
 /// What `--version` says: the version, and what this build has beyond what every build has.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
-    let built = LISTED.iter().filter(|(name, _)| effects::find(name).is_some());
-    let mut features: Vec<&str> = built.filter_map(|(_, feature)| *feature).collect();
-    features.extend(cfg!(feature = "mpi").then_some("mpi"));
-    features.extend(cfg!(feature = "usd").then_some("usd"));
+    let features =
+        [("effects", REGISTRY.len() == LISTED.len()), ("mpi", cfg!(feature = "mpi")), ("usd", cfg!(feature = "usd"))];
+    let features: Vec<&str> = features.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect();
     format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features.join(" "))
 });
 

@@ -135,7 +135,7 @@ impl Cloth {
                 *slot = Some(rows.slot(a, b));
             }
             for (hinge, slots) in &mut of_part.hinges {
-                *slots = Some(rows.slots(&hinges[*hinge as usize].corners));
+                *slots = rows.slots(&hinges[*hinge as usize].corners).collect::<Vec<_>>().try_into().ok();
             }
         }
         matrix

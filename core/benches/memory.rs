@@ -35,7 +35,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
-use drapery_core::block_matrix::{BlockMatrix, PartBlocks};
+use drapery_core::block_matrix::PartBlocks;
 use drapery_core::contact::bodies::Bodies;
 use drapery_core::contact::bodies::collision::{BodyCollision, CollisionStep};
 use drapery_core::contact::bodies::recovery_speed::RecoverySpeed;
@@ -53,6 +53,7 @@ use drapery_core::scene::{
 };
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_core::solve::conjugate_gradient::{ConjugateGradient, Stop, System};
+use drapery_core::solve::force_evaluation::matrix_of;
 use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem};
 use drapery_core::volumes::Volumes;
 use drapery_core::wind_grid::WindGrid;
@@ -279,7 +280,7 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
             })
         },
     );
-    assembly(bench, (blocks, block_bytes), (parts, &mut forces), &view);
+    assembly(bench, (blocks, block_bytes), (parts, &forces), &view);
     let v = waves(&x);
     let stop = Stop { tolerance: 0.0, max_iterations: 10 };
     let problem = VelocityProblem {
@@ -326,19 +327,18 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
 fn assembly<'a>(
     bench: &mut Bench,
     (name, bytes): (&'static str, f64),
-    (parts, forces): (&Parts, &mut PartForces),
+    (parts, forces): (&Parts, &PartForces),
     view: &(impl Fn(usize) -> PartView<'a> + Sync),
 ) {
-    let mut matrix = BlockMatrix::new(parts, &|part, visit| {
-        forces[part].iter().for_each(|force| force.visit_elements(visit));
-    });
-    for (rows, forces) in matrix.parts().iter().zip(&mut *forces) {
-        forces.iter_mut().for_each(|force| force.find_blocks(rows));
-    }
-    let (forces, factors) = (&*forces, BlockFactors { damping: 1e-3, stiffness: 1e-6 });
+    let (mut matrix, slots) = matrix_of(parts, forces);
+    let factors = BlockFactors { damping: 1e-3, stiffness: 1e-6 };
     let assemble = |part: usize, rows: &mut PartBlocks| {
         rows.clear();
-        forces[part].iter().for_each(|force| force.add_blocks(&view(part), factors, rows));
+        for (force, slots) in forces[part].iter().zip(slots.of_part(part)) {
+            if let Some(force) = force.linearised() {
+                force.add_blocks(&view(part), factors, slots, rows);
+            }
+        }
     };
     bench.kernel(
         name,

@@ -123,7 +123,8 @@ impl StepLimit {
             let (range, forces) = (&parts.ranges()[part], &forces[part]);
             // A sum is finite only if all are; the velocities are on their way through the cache anyway.
             let sum: f64 = v[range.clone()].iter().map(Vec3::sum).sum();
-            let bound = forces.iter().map(|f| f.strain_rate_bound(range.clone(), v)).fold(0.0, f64::max);
+            let strained = || forces.iter().filter_map(|force| force.strained());
+            let bound = strained().map(|f| f.strain_rate_bound(range.clone(), v)).fold(0.0, f64::max);
             // Mostly the bound already says that this part sets no limit; then no spring needs to be looked at.
             rate.0[0] = if !sum.is_finite() {
                 f64::INFINITY
@@ -131,7 +132,7 @@ impl StepLimit {
                 0.0
             } else {
                 PartMotion::with(range.clone(), x, v, |motion| {
-                    forces.iter().map(|f| f.strain_rate(motion)).fold(0.0, f64::max)
+                    strained().map(|f| f.strain_rate(motion)).fold(0.0, f64::max)
                 })
             };
         });
@@ -194,6 +195,7 @@ mod tests {
             v[moving] += Vec3::new(0.2, -0.7, 0.4);
             let mut largest_rate = 0.0_f64;
             for (part, force) in effects.iter().flat_map(|(_, effect)| &effect.forces) {
+                let force = force.strained().expect("springs have lengths");
                 let range = scene.parts().ranges()[*part].clone();
                 let rate = PartMotion::with(range.clone(), &x, &v, |motion| force.strain_rate(motion));
                 assert!(rate <= force.strain_rate_bound(range, &v), "part {part}, vertex {moving}");

@@ -53,8 +53,8 @@ fn with_and_without(name: &str) -> [Outcome; 2] {
 
 /// Counts that only this effect can have, given those that run.
 fn own_counts(spec: &EffectSpec, others: &[&EffectSpec]) -> Vec<&'static str> {
-    let shared = |count: &&str| others.iter().any(|other| other.counts.contains(count));
-    spec.counts.iter().copied().filter(|count| !shared(count)).collect()
+    let shared = |count: &&str| others.iter().any(|other| other.report.counts.contains(count));
+    spec.report.counts.iter().copied().filter(|count| !shared(count)).collect()
 }
 
 #[test]

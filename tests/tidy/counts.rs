@@ -39,7 +39,7 @@ fn counted() -> Vec<String> {
         );
     }
     // Forces count under the names that their effect owns.
-    names.extend(REGISTRY.iter().flat_map(|spec| spec.counts).map(|name| (*name).to_owned()));
+    names.extend(REGISTRY.iter().flat_map(|spec| spec.report.counts).map(|name| (*name).to_owned()));
     names.sort_unstable();
     names.dedup();
     names

@@ -1,7 +1,6 @@
 //! Dependencies: each is named once, in the manifest of the workspace, where a new one is seen; the solver has five. A new one is a
 //! decision, with a page in `docs/dev/decisions/`. Licences are judged by `packaging/licences.toml`.
 
-use drapery_core::effects::LISTED;
 use drapery_tests::structure::members;
 
 use crate::tree::{report, root};
@@ -44,17 +43,4 @@ fn every_dependency_is_one_of_the_workspace_and_the_solver_has_five() {
 fn dependencies_are_read_from_a_manifest() {
     let manifest = "[package]\nname = \"x\"\n\n[dependencies]\na.workspace = true\nb = \"1\"\n# c\n[dev-dependencies]\nd = \"1\"\n";
     assert_eq!(lines(manifest, "dependencies]").map(name).collect::<Vec<_>>(), ["a", "b", "d"]);
-}
-
-/// Names under `[features]` of a manifest that begin with `effect-`.
-fn effect_features(folder: &str) -> Vec<String> {
-    let manifest = manifest(folder);
-    let lines = manifest.lines().filter(|line| line.starts_with("effect-"));
-    lines.filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
-}
-
-#[test]
-fn every_optional_effect_is_a_feature_of_the_solver() {
-    let expected: Vec<&str> = LISTED.iter().filter_map(|(_, feature)| *feature).collect();
-    assert_eq!(effect_features("core"), expected, "core/Cargo.toml, in the order of the registry");
 }

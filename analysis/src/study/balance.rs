@@ -34,7 +34,7 @@ pub(super) fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outs
     let names: BTreeSet<&str> = plan.iter().map(|effect| effect.name).collect();
     let pushes: Vec<&str> = names.iter().copied().filter(|name| !is_internal(name)).collect();
     let works = |name: &&str| {
-        let says = find_effect(name).and_then(|spec| spec.does_work);
+        let says = find_effect(name).and_then(|spec| spec.study.does_work);
         says.map_or_else(|| !is_internal(name), |does_work| does_work(scene))
     };
     let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();

@@ -11,7 +11,7 @@ use crate::study::record::{ClosedForm, Sample, Study};
 
 /// Whether an effect moves no centre of mass but as gravity does.
 pub(super) fn is_internal(effect: &str) -> bool {
-    find_effect(effect).is_some_and(|spec| spec.is_internal)
+    find_effect(effect).is_some_and(|spec| spec.study.is_internal)
 }
 
 /// Cloth lies on a plane if no vertex is farther from it than its thickness and this share of the cloth's size.

@@ -234,7 +234,7 @@ fn scientific(number: f64) -> String {
 
 /// Whether a shot without this effect still is one to look at.
 fn can_go(effect: &str) -> bool {
-    drapery_core::effects::find(effect).is_none_or(|spec| !spec.is_essential)
+    drapery_core::effects::find(effect).is_none_or(|spec| !spec.study.is_essential)
 }
 
 /// A wish with one more change.

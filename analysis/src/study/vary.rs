@@ -142,7 +142,7 @@ impl BaseSettings {
 
     /// Whether something in the scene limits long steps as it does short ones.
     pub(super) fn limits_long_steps(&self) -> bool {
-        self.effects.iter().any(|name| find(name).is_some_and(|spec| spec.limits_long_steps))
+        self.effects.iter().any(|name| find(name).is_some_and(|spec| spec.study.limits_long_steps))
     }
 }
 

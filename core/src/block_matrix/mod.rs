@@ -111,12 +111,9 @@ impl PartBlocks {
     }
 
     /// The places of the blocks of all pairs of an element: (0, 1), (0, 2), ... (1, 2), ...
-    pub fn slots<const VERTICES: usize, const PAIRS: usize>(&self, vertices: &[u32; VERTICES]) -> [Slot; PAIRS] {
-        const { assert!(PAIRS * 2 == VERTICES * (VERTICES - 1), "each pair has a slot") };
-        let pairs = (0..VERTICES).flat_map(|a| (a + 1..VERTICES).map(move |b| (a, b)));
-        let mut slots = [Slot::ELSEWHERE; PAIRS];
-        slots.iter_mut().zip(pairs).for_each(|(slot, (a, b))| *slot = self.slot(vertices[a], vertices[b]));
-        slots
+    pub fn slots(&self, vertices: &[u32]) -> impl Iterator<Item = Slot> {
+        let pairs = vertices.iter().enumerate().flat_map(|(n, a)| vertices[n + 1..].iter().map(|b| (*a, *b)));
+        pairs.map(|(a, b)| self.slot(a, b))
     }
 
     /// Adds to B_ab, and thereby to B_ba. Once for each part that has the pair.

@@ -140,8 +140,8 @@ impl Sheet {
             for (corners, gradients, k) in &self.hinges {
                 let at = locals(corners).filter(|at| at.iter().any(|v| range.contains(&(*v as usize))));
                 let Some(at) = at else { continue };
-                let slots = rows.slots::<4, 6>(&[at[0], at[1], at[2], at[3]]);
-                rows.add_outer(&slots, &gradients.map(|g| Simd4::from(&(g * k.sqrt()))));
+                let slots: Vec<_> = rows.slots(&at).collect();
+                rows.add_outer::<4, 6>(&slots.as_chunks().0[0], &gradients.map(|g| Simd4::from(&(g * k.sqrt()))));
             }
         });
         matrix

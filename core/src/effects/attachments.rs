@@ -14,11 +14,11 @@
 //! An attachment whose spring pulls with more than `break_force` at a state free of collisions lets its vertex go for good: it
 //! is counted (`attachments_broken`) and named with its vertex in the record of that frame.
 
-#![cfg(feature = "effect-attachments")]
+#![cfg(feature = "effects")]
 
-use crate::block_matrix::PartBlocks;
-use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::pins;
@@ -39,16 +39,14 @@ stiffness = "20 N/m""#,
     needs: &[Need::State, Need::PinTargets],
     elements: "springs",
     section: Some(pins::SECTION),
-    counts: &["attachments_broken"],
     maps: &[
         MapSpec::of("pins", &["stiffness"]),
         MapSpec::of("pin_damping", &["damping_ratio"]),
         MapSpec { varies: Some(can_break), ..MapSpec::of("break_force", &["break_force"]) },
     ],
-    shared_stages: &["bodies and pins"],
-    is_essential: true,
-    does_work: Some(SceneDescription::moves_pins),
-    force_cost: ForceCost { update: 15.0, product: 3.0 },
+    report: Report { shared_stages: &["bodies and pins"], counts: &["attachments_broken"], ..Report::NONE },
+    study: Study { is_essential: true, does_work: Some(SceneDescription::moves_pins), ..Study::OUTSIDE },
+    cost: Cost { update: 15.0, product: 3.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };
@@ -121,16 +119,6 @@ impl Force for PartAttachments {
         }
     }
 
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for a in self.springs.iter().filter(|a| a.active) {
-            rows.add_scalar(a.vertex, factors.stiffness * a.stiffness + factors.damping * a.damping);
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_stiffness(&self, sums: &mut [f64]) {
         for a in &self.springs {
             sums[a.vertex] += a.stiffness;
@@ -142,5 +130,17 @@ impl Force for PartAttachments {
         let apart =
             |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartAttachments {
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, _: &[Slot], rows: &mut PartBlocks) {
+        for a in self.springs.iter().filter(|a| a.active) {
+            rows.add_scalar(a.vertex, factors.stiffness * a.stiffness + factors.damping * a.damping);
+        }
     }
 }

@@ -9,9 +9,9 @@
 //!
 //! Limits: a flat hinge resists folding only at second order, so the stiffness is not a bending rigidity in N·m.
 
-#![cfg(feature = "effect-bending")]
+#![cfg(feature = "effects")]
 
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope, Study};
 use crate::effects::springs::{self, FIELDS, SpringElement, Springs};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
@@ -44,9 +44,8 @@ stiffness = "5 N/m""#,
         MapSpec::of("bending", &["stiffness", "spring_stiffness"]),
         MapSpec::of("bending_damping", &["damping_ratio"]),
     ],
-    bytes_of_point: 130.0,
-    is_internal: true,
-    force_cost: ForceCost { update: 4.0, product: 1.0 },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 130.0, update: 4.0, product: 1.0 },
     build,
     ..EffectSpec::BARE
 };

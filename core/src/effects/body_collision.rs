@@ -4,7 +4,7 @@
 //! `crate::contact::bodies`.
 
 use crate::contact::bodies::collision::{BodyCollision, SECTION};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::settings::Settings;
 
@@ -20,20 +20,26 @@ shape = { sphere = { radius = "20 cm" } }"#,
     needs: &[Need::State, Need::Bodies],
     elements: "vertices",
     section: Some(SECTION),
-    counts: &[
-        "body_contacts",
-        "body_contacts_along_path",
-        "body_queries",
-        "body_squeezed",
-        "body_pinched",
-        "body_inside_out",
-        "friction_unsettled",
-    ],
     maps: &[MapSpec::of("friction", &["friction"])],
-    stages: &["B.4 body collision", "B.7 body friction", "bodies and pins"],
-    bytes_of_point: 270.0,
-    is_essential: true,
-    does_work: Some(|scene| (0..scene.bodies.len()).any(|body| scene.moves_body(body))),
+    report: Report {
+        stages: &["B.4 body collision", "B.7 body friction", "bodies and pins"],
+        counts: &[
+            "body_contacts",
+            "body_contacts_along_path",
+            "body_queries",
+            "body_squeezed",
+            "body_pinched",
+            "body_inside_out",
+            "friction_unsettled",
+        ],
+        ..Report::NONE
+    },
+    study: Study {
+        is_essential: true,
+        does_work: Some(|scene| (0..scene.bodies.len()).any(|body| scene.moves_body(body))),
+        ..Study::OUTSIDE
+    },
+    cost: Cost { bytes_of_point: 270.0, ..Cost::NONE },
     friction: Some(|_, scene| {
         let rough = scene.bodies.iter().filter(|body| body.friction > 0.0);
         rough.map(|body| format!("body {} has friction {}", body.name, body.friction)).collect()

@@ -8,8 +8,8 @@ use crate::metrics::Metrics;
 /// Effects that a stage of a step may belong to, those that have it as their own first; none if it is one of time
 /// integration. The proximity list serves both halves of self-contact; its time goes to the first that is there.
 pub fn owners(stage: &str) -> impl Iterator<Item = &'static str> {
-    let own = REGISTRY.iter().filter(move |spec| spec.stages.contains(&stage));
-    own.chain(REGISTRY.iter().filter(move |spec| spec.shared_stages.contains(&stage))).map(|spec| spec.name)
+    let own = REGISTRY.iter().filter(move |spec| spec.report.stages.contains(&stage));
+    own.chain(REGISTRY.iter().filter(move |spec| spec.report.shared_stages.contains(&stage))).map(|spec| spec.name)
 }
 
 /// Seconds of a frame, by effect.

@@ -18,7 +18,7 @@
 //! Limits: at a free edge curvature across that edge is not resisted. A hinge is left out while one of its triangles is
 //! squashed below a tenth of its height.
 
-#![cfg(feature = "effect-dihedral_bending")]
+#![cfg(feature = "effects")]
 
 mod arctangent;
 mod elements;
@@ -27,7 +27,7 @@ mod part_hinges;
 mod tests;
 
 use crate::effects::registry::find;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use elements::{Element, Rigidity};
@@ -43,14 +43,13 @@ stiffness = 1e-5",
     fields: FIELDS,
     needs: &[Need::State, Need::SecondRing],
     elements: "hinges",
-    counts: &["hinges_left_out"],
     maps: &[
         MapSpec::of("dihedral_bending", &["stiffness"]),
         MapSpec::of("dihedral_bending_damping", &["damping_ratio"]),
     ],
-    bytes_of_point: 1130.0,
-    is_internal: true,
-    force_cost: ForceCost { update: 20.0, product: 13.0 },
+    report: Report { counts: &["hinges_left_out"], ..Report::NONE },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 1130.0, update: 20.0, product: 13.0 },
     build,
     ..EffectSpec::BARE
 };

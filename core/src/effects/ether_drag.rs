@@ -11,12 +11,12 @@
 //! limits the time step. A free fall ends at `W + g / rate`, whatever the cloth weighs and however it is turned: that is the
 //! limit of this model. Air that streams along cloth and presses against it is another effect.
 
-#![cfg(feature = "effect-ether_drag")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
-use crate::block_matrix::PartBlocks;
-use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -48,7 +48,7 @@ rate = 1.0",
     needs: &[Need::State],
     elements: "vertices",
     maps: &[MapSpec::of("ether_drag", &["rate"])],
-    force_cost: ForceCost { update: 2.0, product: 1.0 },
+    cost: Cost { update: 2.0, product: 1.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };
@@ -88,7 +88,14 @@ impl Force for EtherDrag {
             *f -= *v * *drag;
         }
     }
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for EtherDrag {
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, _: &[Slot], rows: &mut PartBlocks) {
         for (vertex, drag) in self.drag.iter().enumerate() {
             rows.add_scalar(vertex, factors.damping * drag);
         }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::block_matrix::PartBlocks;
+use crate::block_matrix::{PartBlocks, Slot};
 use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::{PartSimd4, Simd4};
@@ -102,22 +102,6 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Simd4]) {}
 
-    /// Calls `visit` with the local vertices of each element that couples its vertices in [`Force::add_blocks`].
-    fn visit_elements(&self, _visit: &mut dyn FnMut(&[u32])) {}
-
-    /// Looks up where the elements' blocks are in the rows of the part; once, before the first [`Force::add_blocks`].
-    fn find_blocks(&mut self, _rows: &PartBlocks) {}
-
-    /// Adds `damping · D + stiffness · K` to the rows of the part, for the positions of the last [`Force::update`], which came
-    /// just before with the same view: D and K are minus the derivatives of the force by velocity and by position, made
-    /// positive semidefinite.
-    fn add_blocks(&self, _view: &PartView<'_>, _factors: BlockFactors, _rows: &mut PartBlocks) {}
-
-    /// Whether [`Force::add_blocks`] has all that limits the time step, so that the implicit step need not heed this force.
-    fn has_blocks(&self) -> bool {
-        false
-    }
-
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
@@ -126,38 +110,70 @@ pub trait Force: Send + Sync {
         &[]
     }
 
-    /// A rate of relative change of length [1/s] that no element of the part exceeds, from the velocities `v` [m/s] of all
-    /// vertices; `part` are the part's own.
-    fn strain_rate_bound(&self, _part: Range<usize>, _v: &[Vec3]) -> f64 {
-        0.0
-    }
-
-    /// Largest rate of relative change of length [1/s].
-    fn strain_rate(&self, _motion: &PartMotion<'_>) -> f64 {
-        0.0
-    }
-
     /// Potential energy [J]; an element that crosses a border counts with half its energy in each part.
     fn energy(&self, _view: &PartView<'_>) -> f64 {
         0.0
     }
 
-    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
-    fn update_plasticity(&mut self, _x: &[Vec3]) {}
-
-    /// Adds what [`Force::update_plasticity`] has changed in the elements that count at this part, by their vertices in solver order.
-    fn save_elements(&self, _rows: &mut ElementRows) {}
-
-    /// Takes what was remembered of all elements whose vertices are on this rank.
-    fn restore_elements(&mut self, _rows: &ElementRows) {}
-
     /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
     fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}
 
-    /// The most stretched edge: strain and vertices in solver order.
-    fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
+    /// The force as one with derivatives; `None` if it is explicit in every step.
+    fn linearised(&self) -> Option<&dyn Linearised> {
         None
     }
+
+    /// The force as one whose elements are strained; `None` if they have no length.
+    fn strained(&self) -> Option<&dyn Strained> {
+        None
+    }
+
+    /// The force as one whose elements can yield; `None` if all of them spring back.
+    fn plastic(&self) -> Option<&dyn Plastic> {
+        None
+    }
+
+    /// The same, to be changed.
+    fn plastic_mut(&mut self) -> Option<&mut dyn Plastic> {
+        None
+    }
+}
+
+/// A force that the implicit step takes into its matrix, with all of it that limits the time step.
+pub trait Linearised {
+    /// Calls `visit` with the local vertices of each element that couples its vertices; always in the same order.
+    fn visit_elements(&self, _visit: &mut dyn FnMut(&[u32])) {}
+
+    /// Adds `damping · D + stiffness · K` to the rows of the part, for the positions of the last [`Force::update`], which came
+    /// just before with the same view: D and K are minus the derivatives of the force by velocity and by position, made
+    /// positive semidefinite. `slots` are those of the visited elements, of each in the order of [`PartBlocks::slots`].
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks);
+}
+
+/// A force between vertices that keep a distance.
+pub trait Strained {
+    /// A rate of relative change of length [1/s] that no element of the part exceeds, from the velocities `v` [m/s] of all
+    /// vertices; `part` are the part's own.
+    fn strain_rate_bound(&self, part: Range<usize>, v: &[Vec3]) -> f64;
+
+    /// Largest rate of relative change of length [1/s].
+    fn strain_rate(&self, motion: &PartMotion<'_>) -> f64;
+
+    /// The most stretched edge of the cloth: strain and vertices in solver order; `None` if the elements are no edges of it.
+    fn largest_strain(&self, x: &[Vec3]) -> Option<(f64, [usize; 2])>;
+}
+
+/// A force whose elements can yield: the state of those that have is in checkpoints.
+pub trait Plastic {
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn update_plasticity(&mut self, x: &[Vec3]);
+
+    /// Adds what [`Plastic::update_plasticity`] has changed in the elements that count at this part, by their vertices in solver
+    /// order.
+    fn save_elements(&self, rows: &mut ElementRows);
+
+    /// Takes what was remembered of all elements whose vertices are on this rank.
+    fn restore_elements(&mut self, rows: &ElementRows);
 }
 
 /// What a velocity is for.

@@ -7,7 +7,7 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -28,9 +28,8 @@ acceleration = [0, -9.81, 0]",
     }],
     needs: &[Need::State],
     elements: "vertices",
-    is_internal: true,
-    is_essential: true,
-    force_cost: ForceCost { update: 1.0, product: 0.0 },
+    study: Study { is_essential: true, ..Study::INTERNAL },
+    cost: Cost { update: 1.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

@@ -28,7 +28,7 @@
 //! Limits: a triangle that is pressed to a line or a point resists with finite forces and may turn over, as cloth may. The
 //! stiffest triangle sets the time step; the thinnest `thin_triangles` of them are softened.
 
-#![cfg(feature = "effect-membrane")]
+#![cfg(feature = "effects")]
 
 mod element;
 mod part_membrane;
@@ -36,7 +36,7 @@ mod part_membrane;
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope, Study};
 use crate::effects::springs::smallest_but;
 use crate::effects::tensile_curve::{self, TensileCurve};
 use crate::error::Problem;
@@ -122,10 +122,8 @@ warp = "50 N/m""#,
         MapSpec::of("grain_angle", &["grain_angle"]),
         MapSpec::of("membrane_damping", &["damping_ratio"]),
     ],
-    bytes_of_point: 380.0,
-    is_internal: true,
-    is_essential: true,
-    force_cost: ForceCost { update: 40.0, product: 15.0 },
+    study: Study { is_essential: true, ..Study::INTERNAL },
+    cost: Cost { bytes_of_point: 380.0, update: 40.0, product: 15.0 },
     build,
     ..EffectSpec::BARE
 };

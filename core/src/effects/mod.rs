@@ -1,8 +1,7 @@
 //! Effects: everything that can act on cloth. An effect exists only when the scene asks for it.
 //!
 //! Each effect is one file or folder that holds its manual page, its [`EffectSpec`], what it builds, and its tests. To add
-//! one, write it, list it below (twice: the second list is in the order of execution), give it a feature in `core/Cargo.toml` and
-//! have `docs/reference/effects.md` written.
+//! one, write it, list it below (twice: the second list is in the order of execution) and have `docs/reference/effects.md` written.
 
 pub mod force;
 pub mod inputs;
@@ -33,29 +32,30 @@ pub mod wind;
 
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
 pub use force::{
-    BlockFactors, FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter,
+    BlockFactors, FilterStep, Force, ForceContext, Linearised, PartForce, PartMotion, PartView, Plastic, Purpose,
+    Strained, VelocityFilter,
 };
 pub use inputs::INPUTS;
 pub use registry::{PlannedEffect, build_all, find, lacking, maps};
 pub use spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 
-// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
-// features, named after them, which the modules repeat as their own condition.
+// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are in
+// builds with the feature `effects`, which the modules repeat as their own condition.
 registry::effects! {
     gravity,
     stretch,
-    shear if "effect-shear",
-    membrane if "effect-membrane",
-    bending if "effect-bending",
-    dihedral_bending if "effect-dihedral_bending",
-    plastic_wrinkles if "effect-plastic_wrinkles",
-    wind if "effect-wind",
-    ether_drag if "effect-ether_drag",
-    pressure if "effect-pressure",
-    seams if "effect-seams",
-    attachments if "effect-attachments",
+    shear if "effects",
+    membrane if "effects",
+    bending if "effects",
+    dihedral_bending if "effects",
+    plastic_wrinkles if "effects",
+    wind if "effects",
+    ether_drag if "effects",
+    pressure if "effects",
+    seams if "effects",
+    attachments if "effects",
     pins,
-    strain_limit if "effect-strain_limit",
+    strain_limit if "effects",
     body_collision,
     self_repulsion,
     self_collision,

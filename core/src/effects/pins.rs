@@ -8,7 +8,7 @@
 //! to = "start"          # or "body:hero"
 //! ```
 
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::pins::{BEHIND, HardPins, SECTION, STRETCHED};
 use crate::scene::SceneDescription;
@@ -25,10 +25,8 @@ corners = ["i0j0"]"#,
     needs: &[Need::State, Need::PinTargets],
     elements: "vertices",
     section: Some(SECTION),
-    counts: &[BEHIND, STRETCHED],
-    shared_stages: &["bodies and pins"],
-    is_essential: true,
-    does_work: Some(SceneDescription::moves_pins),
+    report: Report { shared_stages: &["bodies and pins"], counts: &[BEHIND, STRETCHED], ..Report::NONE },
+    study: Study { is_essential: true, does_work: Some(SceneDescription::moves_pins), ..Study::OUTSIDE },
     build,
     ..EffectSpec::BARE
 };

@@ -18,9 +18,9 @@
 //! It changes the rest angles of `dihedral_bending`, which the garment has to have; rest angles and yield angles that have
 //! changed are in the section `plastic_wrinkles` of checkpoints. Limits: folds never relax, and stretch stays elastic.
 
-#![cfg(feature = "effect-plastic_wrinkles")]
+#![cfg(feature = "effects")]
 
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::snapshot::saved_section::SectionId;
@@ -42,14 +42,13 @@ yield_radius = 1.0",
     requires: &["dihedral_bending"],
     elements: "hinges",
     section: Some(SECTION),
-    counts: &["hinges_yielded"],
     maps: &[
         MapSpec::of("yield_radius", &["yield_radius"]),
         MapSpec::of("hardening", &["hardening"]),
         MapSpec::of("largest_angle", &["largest_angle"]),
     ],
-    stages: &["yield"],
-    is_internal: true,
+    report: Report { stages: &["yield"], counts: &["hinges_yielded"], ..Report::NONE },
+    study: Study::INTERNAL,
     build,
     ..EffectSpec::BARE
 };

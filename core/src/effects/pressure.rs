@@ -20,11 +20,11 @@
 //! gas. Gas is stiff (the earth's air has 100 kPa): light cloth takes short steps. `open = true` lets the surface have edges,
 //! which then feel a net force, as a parachute does.
 
-#![cfg(feature = "effect-pressure")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::effects::force::{Force, ForceContext, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
@@ -46,10 +46,9 @@ open = true",
     needs: &[Need::State],
     elements: "triangles",
     // Gas and overpressure have an energy of their own.
-    does_work: Some(|_| false),
+    study: Study { does_work: Some(|_| false), limits_long_steps: true, ..Study::OUTSIDE },
+    cost: Cost { update: 20.0, ..Cost::NONE },
     looks_at_sides: |_| Some("`pressure`"),
-    limits_long_steps: true,
-    force_cost: ForceCost { update: 20.0, product: 0.0 },
     build,
     ..EffectSpec::BARE
 };

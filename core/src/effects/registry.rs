@@ -16,22 +16,12 @@ macro_rules! effects {
         /// All effects of this build, in the order of execution.
         pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &$module::SPEC),*];
 
-        /// All effects of the program, in the order of execution: name, and the feature that a build needs to have it.
-        pub static LISTED: &[(&str, Option<&str>)] =
-            &[$((stringify!($module), $crate::effects::registry::optional!($($feature)?))),*];
+        /// Names of all effects of the program, in the order of execution.
+        pub static LISTED: &[&str] = &[$(stringify!($module)),*];
     };
 }
 
-macro_rules! optional {
-    () => {
-        None
-    };
-    ($feature:literal) => {
-        Some($feature)
-    };
-}
-
-pub(crate) use {effects, optional};
+pub(crate) use effects;
 
 /// An effect that runs, for `drapery plan`.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,10 +66,9 @@ pub fn find(name: &str) -> Option<&'static EffectSpec> {
 
 /// Of an effect that this build lacks: what is wrong, and what to do. `None` if it is here, or if there is no such effect.
 pub fn lacking(name: &str) -> Option<(String, String)> {
-    let (name, feature) = LISTED.iter().find(|(listed, _)| *listed == name && find(listed).is_none())?;
-    let feature = (*feature)?;
+    let name = LISTED.iter().find(|listed| **listed == name && find(listed).is_none())?;
     let what = format!("this drapery was built without the effect `{name}`");
-    Some((what, format!("build it with `--features drapery-core/{feature}`, or do without the effect")))
+    Some((what, "build it with `--features effects`, or do without the effect".to_owned()))
 }
 
 /// Builds what the scene asks for, in the order of the registry, then in that of the garments.
@@ -148,21 +137,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_effect_is_listed_under_its_name_and_its_feature_is_called_after_it() {
-        let here: Vec<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| find(name).is_some()).collect();
+    fn every_effect_is_listed_under_its_name() {
+        let here: Vec<&str> = LISTED.iter().copied().filter(|name| find(name).is_some()).collect();
         assert_eq!(here, REGISTRY.iter().map(|spec| spec.name).collect::<Vec<_>>());
-        for (name, feature) in LISTED {
-            assert!(feature.is_none_or(|feature| feature == format!("effect-{name}")), "{name}: {feature:?}");
-            assert!(feature.is_some() || find(name).is_some(), "{name} is in every build");
+        for name in ["gravity", "stretch", "pins", "body_collision", "self_repulsion", "self_collision"] {
+            assert!(find(name).is_some(), "{name} is in every build");
         }
+        assert_eq!(here.len() == LISTED.len(), cfg!(feature = "effects"), "the others are in builds with the feature");
     }
 
     #[test]
     fn of_an_effect_that_the_build_lacks_the_feature_is_named() {
-        for (name, feature) in LISTED {
+        for name in LISTED {
             match lacking(name) {
                 Some((what, advice)) => {
-                    assert!(what.contains(name) && advice.contains(feature.unwrap_or("none")), "{what}: {advice}");
+                    assert!(what.contains(name) && advice.contains("`--features effects`"), "{what}: {advice}");
                 }
                 None => assert!(find(name).is_some(), "{name}"),
             }

@@ -20,12 +20,12 @@
 //! `self_collision` closes its seams to the larger thickness of both garments, unless it says another `rest_gap`. A seam is not
 //! welded: strained strongly it opens by force over stiffness.
 
-#![cfg(feature = "effect-seams")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{Scene, SeamDescription};
@@ -43,10 +43,8 @@ to = { garment = "sheet", corners = ["injn"] }"#,
     fields: &[],
     needs: &[Need::State],
     elements: "stitches",
-    is_internal: true,
-    is_essential: true,
-    does_work: Some(|_| true),
-    force_cost: ForceCost { update: 15.0, product: 5.0 },
+    study: Study { is_essential: true, does_work: Some(|_| true), ..Study::INTERNAL },
+    cost: Cost { update: 15.0, product: 5.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };
@@ -99,8 +97,6 @@ struct PartSeams {
     stitches: Vec<Stitch>,
     /// Ends in other parts, ascending.
     neighbours: Vec<u32>,
-    /// Where the block of each stitch is in the matrix of the implicit step; empty in the others.
-    slots: Vec<Slot>,
 }
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -135,7 +131,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         neighbours.dedup();
         effect.elements += stitches.iter().filter(|stitch| stitch.side > 0.0).count();
         effect.bytes += size_of_val(stitches.as_slice()) + size_of_val(neighbours.as_slice());
-        effect.forces.push((part, Box::new(PartSeams { stitches, neighbours, slots: Vec::new() })));
+        effect.forces.push((part, Box::new(PartSeams { stitches, neighbours })));
     }
     effect.notes = notes(seams, &closings);
     Ok(effect)
@@ -180,36 +176,6 @@ impl Force for PartSeams {
         }
     }
 
-    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.stitches.iter().for_each(|stitch| visit(&stitch.ends.map(|end| end as u32)));
-    }
-
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        let slot = |stitch: &Stitch| rows.slot(stitch.ends[0] as u32, stitch.ends[1] as u32);
-        self.slots = self.stitches.iter().map(slot).collect();
-    }
-
-    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        // A pair within the part is listed at both of its ends, and has one block.
-        let own = view.start..view.start + view.masses.len();
-        let is_first = |stitch: &Stitch| stitch.side > 0.0 || !own.contains(&stitch.ends[0]);
-        for (stitch, slot) in self.stitches.iter().zip(&self.slots).filter(|(stitch, _)| is_first(stitch)) {
-            let [a, b] = stitch.ends.map(|end| view.x[end]);
-            let (apart, inverse) = direction(b - a);
-            if inverse > 0.0 {
-                let (length, _) = stitch.closing.length(stitch.gap, view.around.time);
-                let stiffness = factors.stiffness * stitch.stiffness;
-                let across = stiffness * (1.0 - length * inverse).max(0.0);
-                let along = stiffness + factors.damping * stitch.damping;
-                rows.add_spring(*slot, &(apart * inverse), along, across);
-            }
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_stiffness(&self, sums: &mut [f64]) {
         self.stitches.iter().for_each(|stitch| sums[stitch.own] += stitch.stiffness);
     }
@@ -226,6 +192,33 @@ impl Force for PartSeams {
             0.25 * stitch.stiffness * stretch * stretch
         };
         self.stitches.iter().map(energy).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartSeams {
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.stitches.iter().for_each(|stitch| visit(&stitch.ends.map(|end| end as u32)));
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
+        // A pair within the part is listed at both of its ends, and has one block.
+        let own = view.start..view.start + view.masses.len();
+        let is_first = |stitch: &Stitch| stitch.side > 0.0 || !own.contains(&stitch.ends[0]);
+        for (stitch, slot) in self.stitches.iter().zip(slots).filter(|(stitch, _)| is_first(stitch)) {
+            let [a, b] = stitch.ends.map(|end| view.x[end]);
+            let (apart, inverse) = direction(b - a);
+            if inverse > 0.0 {
+                let (length, _) = stitch.closing.length(stitch.gap, view.around.time);
+                let stiffness = factors.stiffness * stitch.stiffness;
+                let across = stiffness * (1.0 - length * inverse).max(0.0);
+                let along = stiffness + factors.damping * stitch.damping;
+                rows.add_spring(*slot, &(apart * inverse), along, across);
+            }
+        }
     }
 }
 

@@ -10,7 +10,7 @@
 //! ```
 
 use crate::contact::self_contact::{CollisionSettings, SECTION};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope, own_triangles};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Report, Scope, Study, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -30,36 +30,38 @@ pub static SPEC: EffectSpec = EffectSpec {
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     elements: "triangles",
     section: Some(SECTION),
-    counts: &[
-        "collision_steps",
-        "collision_steps_k1",
-        "collision_steps_k2",
-        "collision_steps_k4",
-        "collision_steps_k8",
-        "collision_steps_k16",
-        "collision_steps_shortened",
-        "pair_searches",
-        "swept_searches",
-        "swept_renewals",
-        "collision_loops",
-        "collision_attempts",
-        "collision_hits",
-        "rewinds",
-        "zones",
-        "zones_large",
-        "zone_nodes",
-        "zone_sweeps",
-        "zones_rigid",
-        "zone_fallbacks",
-        "pairs_pinched",
-        "crossing_checks",
-        "crossings_reverted",
-        "crossings",
-    ],
-    stages: &["C collisions"],
-    shared_stages: &["A neighbours"],
-    bytes_of_point: 280.0,
-    is_internal: true,
+    report: Report {
+        stages: &["C collisions"],
+        shared_stages: &["A neighbours"],
+        counts: &[
+            "collision_steps",
+            "collision_steps_k1",
+            "collision_steps_k2",
+            "collision_steps_k4",
+            "collision_steps_k8",
+            "collision_steps_k16",
+            "collision_steps_shortened",
+            "pair_searches",
+            "swept_searches",
+            "swept_renewals",
+            "collision_loops",
+            "collision_attempts",
+            "collision_hits",
+            "rewinds",
+            "zones",
+            "zones_large",
+            "zone_nodes",
+            "zone_sweeps",
+            "zones_rigid",
+            "zone_fallbacks",
+            "pairs_pinched",
+            "crossing_checks",
+            "crossings_reverted",
+            "crossings",
+        ],
+    },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 280.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

@@ -13,7 +13,9 @@
 
 use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope, own_triangles};
+use crate::effects::spec::{
+    BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study, own_triangles,
+};
 use crate::error::Problem;
 use crate::scene::RepulsionPlace;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -68,23 +70,26 @@ friction = 0.5",
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     elements: "triangles",
     section: Some(SECTION),
-    counts: &[
-        "repulsions",
-        "attractions",
-        "inverted_pairs",
-        "collision_steps",
-        "collision_steps_k1",
-        "collision_steps_k2",
-        "collision_steps_k4",
-        "collision_steps_k8",
-        "collision_steps_k16",
-        "collision_steps_shortened",
-        "pair_searches",
-    ],
     maps: &[MapSpec::of("thickness", &[]), MapSpec::of("self_friction", &["friction"])],
-    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "A neighbours"],
-    bytes_of_point: 300.0,
-    is_internal: true,
+    report: Report {
+        stages: &["B.2 self-repulsion", "B.8 self-repulsion", "A neighbours"],
+        counts: &[
+            "repulsions",
+            "attractions",
+            "inverted_pairs",
+            "collision_steps",
+            "collision_steps_k1",
+            "collision_steps_k2",
+            "collision_steps_k4",
+            "collision_steps_k8",
+            "collision_steps_k16",
+            "collision_steps_shortened",
+            "pair_searches",
+        ],
+        ..Report::NONE
+    },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 300.0, ..Cost::NONE },
     friction: Some(|settings, _| {
         let friction = settings.number("friction");
         (friction > 0.0).then(|| format!("cloth on cloth has friction {friction}")).into_iter().collect()

@@ -18,12 +18,12 @@
 //! corner that lies exactly on its edge has no direction to go and is not pushed. Stiffness against shear follows from the
 //! mesh; measured values belong to `membrane`.
 
-#![cfg(feature = "effect-shear")]
+#![cfg(feature = "effects")]
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMotion, PartView};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope, Study};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
 use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::error::Problem;
@@ -62,9 +62,8 @@ stiffness = "5 N/m""#,
     needs: &[Need::State],
     elements: "triangles",
     maps: &[MapSpec::of("shear", &["stiffness", "spring_stiffness"]), MapSpec::of("shear_damping", &["damping_ratio"])],
-    bytes_of_point: 520.0,
-    is_internal: true,
-    force_cost: ForceCost { update: 25.0, product: 8.0 },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 520.0, update: 25.0, product: 8.0 },
     build,
     ..EffectSpec::BARE
 };
@@ -108,8 +107,6 @@ struct PartShear {
     /// Vertices of other parts, ascending.
     neighbours: Vec<u32>,
     compressed_by: Option<f64>,
-    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
-    slots: Vec<[Slot; 3]>,
 }
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -149,8 +146,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         let triangles: Vec<Triangle> = group.iter().map(|(_, number)| triangle(*number)).collect();
         let neighbours = outside(range, triangles.iter().map(|t| t.corners));
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
-        let (start, slots, compressed_by) = (range.start, Vec::new(), settings.optional("compressed_by"));
-        forces.push((group[0].0, Box::new(PartShear { start, triangles, neighbours, compressed_by, slots })));
+        let (start, compressed_by) = (range.start, settings.optional("compressed_by"));
+        forces.push((group[0].0, Box::new(PartShear { start, triangles, neighbours, compressed_by })));
     }
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
@@ -224,28 +221,6 @@ impl Force for PartShear {
         }
     }
 
-    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
-    }
-
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        self.slots = self.triangles.iter().map(|triangle| rows.slots(&triangle.corners)).collect();
-    }
-
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for (Triangle { acting, altitudes, .. }, slots) in self.triangles.iter().zip(&self.slots) {
-            if let Some(acting) = acting {
-                let Altitude { stiffness, damping, .. } = altitudes[acting.corner];
-                let scale = factors.stiffness * stiffness + factors.damping * damping;
-                rows.add_outer(slots, &acting.pull(scale.sqrt()));
-            }
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for triangle in &self.triangles {
             if let Some(acting) = &triangle.acting {
@@ -278,5 +253,25 @@ impl Force for PartShear {
             Some(0.5 * stiffness * square * own_fraction(&own, triangle.corners))
         };
         self.triangles.iter().filter_map(energy).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartShear {
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
+    }
+
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
+        for (Triangle { acting, altitudes, .. }, slots) in self.triangles.iter().zip(slots.as_chunks::<3>().0) {
+            if let Some(acting) = acting {
+                let Altitude { stiffness, damping, .. } = altitudes[acting.corner];
+                let scale = factors.stiffness * stiffness + factors.damping * damping;
+                rows.add_outer(slots, &acting.pull(scale.sqrt()));
+            }
+        }
     }
 }

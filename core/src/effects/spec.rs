@@ -64,10 +64,41 @@ pub struct EffectSpec {
     pub elements: &'static str,
     /// Painted maps that it looks at.
     pub maps: &'static [MapSpec],
+    /// What of its work shows in the report of a run.
+    pub report: Report,
+    /// What studies and checks of motion may expect of it.
+    pub study: Study,
+    /// What it is expected to take.
+    pub cost: Cost,
+    /// What of a request for it takes the side that faces show for a side of the cloth, in words.
+    pub looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
+    /// Between what there is friction in it, in words; `None` if there cannot be any.
+    pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
+    /// The section of a snapshot with what time changes in it; `None` if nothing does.
+    pub section: Option<SectionId>,
+    /// Makes the effect for one garment or for the whole scene.
+    pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+}
+
+/// What of an effect's work shows in the report of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Report {
     /// Stages of a step that are its own work.
     pub stages: &'static [&'static str],
     /// Stages that are its work where no other effect of the scene has them as its own.
     pub shared_stages: &'static [&'static str],
+    /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
+    pub counts: &'static [&'static str],
+}
+
+impl Report {
+    /// No stages and no counts.
+    pub const NONE: Self = Self { stages: &[], shared_stages: &[], counts: &[] };
+}
+
+/// What studies and checks of motion may expect of an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct Study {
     /// Whether it moves no centre of mass but as gravity does: it acts between vertices of cloth, or on all alike.
     pub is_internal: bool,
     /// Whether a shot without it is no longer one to look at: cloth without weight, without springs along its edges, without
@@ -75,36 +106,38 @@ pub struct EffectSpec {
     pub is_essential: bool,
     /// Whether it does work on the cloth of a scene from outside; `None` if it does unless it is internal.
     pub does_work: Option<fn(&SceneDescription) -> bool>,
-    /// What of a request for it takes the side that faces show for a side of the cloth, in words.
-    pub looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
-    /// Between what there is friction in it, in words; `None` if there cannot be any.
-    pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
-    /// Memory that it is expected to take for each point of the garments that have it, measured with `drapery check` on panels
-    /// of 40,000 and 250,000 points [bytes].
-    pub bytes_of_point: f64,
     /// Whether its forces are explicit in long steps too and limit them as they do short ones.
     pub limits_long_steps: bool,
-    /// What its forces are expected to take in the semi-implicit step.
-    pub force_cost: ForceCost,
-    /// The section of a snapshot with what time changes in it; `None` if nothing does.
-    pub section: Option<SectionId>,
-    /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
-    pub counts: &'static [&'static str],
-    /// Makes the effect for one garment or for the whole scene.
-    pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
 }
 
-/// What the forces of an effect take in the semi-implicit step, by `make measure NAME=plan` [ns by element].
+impl Study {
+    /// Effects that push cloth from outside, and that a shot can do without.
+    pub const OUTSIDE: Self =
+        Self { is_internal: false, is_essential: false, does_work: None, limits_long_steps: false };
+
+    /// Effects that act between vertices of cloth, or on all alike.
+    pub const INTERNAL: Self = Self { is_internal: true, ..Self::OUTSIDE };
+}
+
+/// What an effect is expected to take.
 #[derive(Debug, Clone, Copy)]
-pub struct ForceCost {
-    /// Once in a solve.
+pub struct Cost {
+    /// Memory for each point of the garments that have it, measured with `drapery check` on panels of 40,000 and 250,000 points
+    /// [bytes].
+    pub bytes_of_point: f64,
+    /// Its forces in the semi-implicit step, once in a solve, by `make measure NAME=plan` [ns by element].
     pub update: f64,
-    /// In each iteration.
+    /// The same in each iteration [ns by element].
     pub product: f64,
 }
 
+impl Cost {
+    /// None that counts.
+    pub const NONE: Self = Self { bytes_of_point: 0.0, update: 0.0, product: 0.0 };
+}
+
 impl EffectSpec {
-    /// Effects of whose table that is all: no maps, stages, memory, section or counts.
+    /// Effects of whose table that is all: no maps, section, stages or counts.
     pub const BARE: Self = Self {
         name: "",
         summary: "",
@@ -115,18 +148,12 @@ impl EffectSpec {
         requires: &[],
         elements: "vertices",
         maps: &[],
-        stages: &[],
-        shared_stages: &[],
-        is_internal: false,
-        is_essential: false,
-        does_work: None,
+        report: Report::NONE,
+        study: Study::OUTSIDE,
+        cost: Cost::NONE,
         looks_at_sides: |_| None,
         friction: None,
-        bytes_of_point: 0.0,
-        limits_long_steps: false,
-        force_cost: ForceCost { update: 0.0, product: 0.0 },
         section: None,
-        counts: &[],
         build: |_, _| Ok(Effect::default()),
     };
 }

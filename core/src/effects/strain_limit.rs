@@ -19,13 +19,13 @@
 //! (`strain_over_limit`) and shows in the largest strain of the frame: a limit of 1 % under load over a hundred rows of edges
 //! takes some hundred sweeps. Bodies, and collisions in C, come after the limit and may stretch edges beyond it.
 
-#![cfg(feature = "effect-strain_limit")]
+#![cfg(feature = "effects")]
 
 mod part_edges;
 
 use crate::Vec3;
 use crate::effects::force::{FilterStep, Purpose, VelocityFilter};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::parallel::for_each_part::{PerPart, PerVertex};
@@ -70,14 +70,17 @@ limit = 0.01",
     ],
     needs: &[Need::State],
     elements: "edges",
-    counts: &["strain_limit_sweeps", "strain_over_limit"],
     maps: &[
         MapSpec::of("strain_limit", &["limit"]),
         MapSpec { varies: Some(has_compression), ..MapSpec::of("compression", &["compression"]) },
     ],
-    stages: &["B.2 strain limit", "B.8 strain limit"],
-    bytes_of_point: 330.0,
-    is_internal: true,
+    report: Report {
+        stages: &["B.2 strain limit", "B.8 strain limit"],
+        counts: &["strain_limit_sweeps", "strain_over_limit"],
+        ..Report::NONE
+    },
+    study: Study::INTERNAL,
+    cost: Cost { bytes_of_point: 330.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };

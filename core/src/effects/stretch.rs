@@ -10,7 +10,7 @@
 //! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope, Study};
 use crate::effects::springs::{self, Springs};
 use crate::effects::tensile_curve::{self, TensileCurve};
 use crate::error::Problem;
@@ -38,10 +38,8 @@ stiffness = "300 N/m""#,
         MapSpec::of("stretch", &["stiffness", "spring_stiffness"]),
         MapSpec::of("stretch_damping", &["damping_ratio"]),
     ],
-    bytes_of_point: 190.0,
-    is_internal: true,
-    is_essential: true,
-    force_cost: ForceCost { update: 4.0, product: 1.0 },
+    study: Study { is_essential: true, ..Study::INTERNAL },
+    cost: Cost { bytes_of_point: 190.0, update: 4.0, product: 1.0 },
     build,
     ..EffectSpec::BARE
 };

@@ -26,7 +26,7 @@
 //! Limits: the air does not feel the cloth. There is no lee behind a body or a layer, no lift of streamlines and no mass of
 //! air that is carried along.
 
-#![cfg(feature = "effect-wind")]
+#![cfg(feature = "effects")]
 
 use std::sync::Arc;
 
@@ -34,8 +34,8 @@ use nalgebra::Matrix3;
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, ForceContext, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
+use crate::effects::force::{BlockFactors, Force, ForceContext, Linearised, PartMotion, PartView};
+use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::geometry::attachment::along_path;
@@ -55,9 +55,8 @@ velocity = [0, 2, 0]",
     needs: &[Need::State],
     elements: "triangles",
     maps: &[MapSpec::fraction("wind", &["tangential", "density", "normal"])],
+    cost: Cost { bytes_of_point: 100.0, update: 20.0, product: 6.0 },
     looks_at_sides: |request| request.settings.contains_key("normal").then_some("`normal` of the wind"),
-    bytes_of_point: 100.0,
-    force_cost: ForceCost { update: 20.0, product: 6.0 },
     build,
     ..EffectSpec::BARE
 };
@@ -135,8 +134,6 @@ struct PartWind {
     /// For each triangle its unit normal, and the drag [N s/m] of a corner in all directions and more along the normal; empty
     /// if triangles feel nothing.
     drags: Vec<(Vec3, [f64; 2])>,
-    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
-    slots: Vec<[Slot; 3]>,
     /// For each own vertex its unit normal times the root of its drag [(N s/m)^½]; empty if vertices feel nothing.
     normals: Vec<Vec3>,
 }
@@ -173,10 +170,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         effect.elements += triangles.counted();
         effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
         effect.bytes += shares.iter().map(|share| size_of_val(share.as_slice())).sum::<usize>();
-        effect.forces.push((
-            part,
-            Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, slots: Vec::new(), normals }),
-        ));
+        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, normals })));
     }
     Ok(effect)
 }
@@ -269,21 +263,21 @@ impl Force for PartWind {
         self.triangles.neighbours()
     }
 
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartWind {
     fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
         if !self.drags.is_empty() {
             self.triangles.corners().iter().for_each(|corners| visit(corners));
         }
     }
 
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        if !self.drags.is_empty() {
-            self.slots = self.triangles.corners().iter().map(|corners| rows.slots(corners)).collect();
-        }
-    }
-
-    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
         for ((corners, slots), (normal, [all, along])) in
-            self.triangles.corners().iter().zip(&self.slots).zip(&self.drags)
+            self.triangles.corners().iter().zip(slots.as_chunks::<3>().0).zip(&self.drags)
         {
             // Each corner feels a third of what every corner's velocity makes: what it feels of its own is all, less what it
             // does not feel of the others.

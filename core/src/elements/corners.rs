@@ -33,7 +33,7 @@ pub(crate) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterat
 }
 
 /// Values at the corners of an element: from the part's own, which begin at the vertex `start`, or from those of all vertices.
-#[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
+#[cfg(feature = "effects")]
 pub(crate) fn gather<const N: usize>(
     start: usize,
     corners: [u32; N],
@@ -58,7 +58,7 @@ pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd
 }
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
-#[cfg(any(feature = "effect-membrane", feature = "effect-shear", feature = "effect-dihedral_bending"))]
+#[cfg(feature = "effects")]
 pub(crate) fn own_fraction<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }

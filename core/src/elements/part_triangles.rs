@@ -84,7 +84,7 @@ pub(crate) fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
 
 /// Half the cross product of two sides: its length is the area [m²], its direction the normal.
 #[inline]
-#[cfg(any(feature = "effect-wind", feature = "effect-pressure"))]
+#[cfg(feature = "effects")]
 pub(crate) fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a)) * 0.5
 }

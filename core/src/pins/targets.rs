@@ -8,8 +8,8 @@ use crate::contact::bodies::{Bodies, Sample, Samples};
 use crate::error::Problem;
 use crate::geometry::attachment::{SurfaceAttachment, along_path, attached_position};
 use crate::scene::{FARTHEST, PinAnchor, PinTarget, Pinned, Scene, is_possible};
+use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
-use crate::snapshot::{SnapshotError, Values};
 
 /// What pins and attachments remember together.
 pub(crate) const SECTION: SectionId = SectionId { name: "pins", version: 1 };
@@ -176,19 +176,19 @@ impl PinTargets {
             _ => none,
         };
         let attachments = || self.targets.iter().map(attachment);
-        let vectors = |values: Vec<Vec3>| Field::Targets(3, Values::F64(bytemuck::cast_slice(&values).to_vec()));
-        let active = self.active.iter().map(|active| u8::from(*active)).collect();
+        let vectors = |values: Vec<Vec3>| Field::targets::<f64>(3, bytemuck::cast_slice(&values).to_vec());
+        let active: Vec<u8> = self.active.iter().map(|active| u8::from(*active)).collect();
         let memory = SavedSection::new(SECTION)
             .with("places", vectors(self.targets.iter().map(place).collect()))
-            .with("body_points", Field::Targets(3, Values::U32(attachments().flat_map(|a| a.body_points).collect())))
-            .with("weights", Field::Targets(3, Values::F64(attachments().flat_map(|a| a.weights).collect())))
+            .with("body_points", Field::targets::<u32>(3, attachments().flat_map(|a| a.body_points).collect()))
+            .with("weights", Field::targets::<f64>(3, attachments().flat_map(|a| a.weights).collect()))
             .with("offsets", vectors(attachments().map(|a| a.offset).collect()))
             .with("at_end", vectors(self.at_t1.clone()))
-            .with("active", Field::Targets(1, Values::U8(active)));
+            .with("active", Field::targets(1, active));
         // Scenes in which nothing can break have no such field.
         match self.breakable {
             false => memory,
-            true => memory.with("broken_at", Field::Targets(1, Values::F64(self.broken_at.clone()))),
+            true => memory.with("broken_at", Field::targets(1, self.broken_at.clone())),
         }
     }
 
@@ -197,18 +197,10 @@ impl PinTargets {
     /// # Errors
     /// It is of another scene, or its numbers are none.
     pub(crate) fn restore(&mut self, memory: &SavedSection, bodies: &Bodies) -> Result<(), SnapshotError> {
-        let error = |what: String| SnapshotError { section: memory.name.to_owned(), what };
-        let reals = |name: &str| match memory.targets(name) {
-            Values::F64(values) => values.as_slice(),
-            _ => unreachable!("`{name}` was declared as numbers"),
-        };
-        let rows = |name: &str| reals(name).as_chunks::<3>().0;
+        let error = |what: String| SnapshotError { section: memory.id.name.to_owned(), what };
+        let rows = |name: &str| memory.values::<f64>(name).as_chunks::<3>().0;
         let (places, weights, offsets, at_end) = (rows("places"), rows("weights"), rows("offsets"), rows("at_end"));
-        let (Values::U32(points), Values::U8(active)) = (memory.targets("body_points"), memory.targets("active"))
-        else {
-            unreachable!("points and marks were declared as such")
-        };
-        let points = points.as_chunks::<3>().0;
+        let points = memory.values::<u32>("body_points").as_chunks::<3>().0;
         for (name, rows) in [("places", places), ("weights", weights), ("offsets", offsets), ("at_end", at_end)] {
             if let Some(i) = rows.iter().position(|row| !is_possible(&Vec3::from(*row))) {
                 return Err(error(format!(
@@ -233,9 +225,9 @@ impl PinTargets {
             }
         }
         self.at_t1 = at_end.iter().map(|place| Vec3::from(*place)).collect();
-        self.active = active.iter().map(|mark| *mark != 0).collect();
+        self.active = memory.values::<u8>("active").iter().map(|mark| *mark != 0).collect();
         if self.breakable {
-            self.broken_at = reals("broken_at").to_vec();
+            self.broken_at = memory.values("broken_at").to_vec();
         }
         Ok(())
     }

@@ -35,7 +35,7 @@ impl Scene {
     }
 
     /// The mean of a garment's quantity at some vertices of its mesh, or what the whole garment has if it is not painted.
-    #[cfg(any(feature = "effect-membrane", feature = "effect-dihedral_bending", feature = "effect-strain_limit"))]
+    #[cfg(feature = "effects")]
     pub(crate) fn painted_mean(&self, garment: usize, of: &str, vertices: &[u32], of_garment: f64) -> f64 {
         self.painted(garment, of).map_or(of_garment, |map| map.mean(vertices, of_garment))
     }
@@ -63,7 +63,7 @@ impl Scene {
     }
 
     /// Damping of the spring of a pinned vertex as a fraction of critical; zero for one that is held hard.
-    #[cfg(feature = "effect-attachments")]
+    #[cfg(feature = "effects")]
     pub(crate) fn pin_damping_ratio(&self, pinned: &Pinned) -> f64 {
         let PinHold::Spring { damping_ratio, .. } = self.description().pins[pinned.pin].hold else { return 0.0 };
         self.painted_at_pin(pinned, "pin_damping", damping_ratio)

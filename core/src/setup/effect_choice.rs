@@ -47,7 +47,7 @@ impl SceneDescription {
             return Some(Problem::scene(place, what, "set `friction` of the bodies or of [self_repulsion] to 0"));
         }
         if effects::find(name).is_none() {
-            let names = LISTED.iter().map(|(name, _)| *name);
+            let names = LISTED.iter().copied();
             let advice = match nearest(name, names.clone()) {
                 Some(best) => format!("did you mean `{best}`?"),
                 None => format!("the effects are {}", names.collect::<Vec<_>>().join(", ")),

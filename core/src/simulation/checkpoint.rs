@@ -4,21 +4,34 @@ use std::sync::Arc;
 
 use super::{FrameInput, Simulation};
 use crate::Vec3;
-use crate::contact::bodies::collision;
-use crate::contact::self_contact;
 use crate::error::Problems;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers};
+use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers, renumbered};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
 
 /// Positions and velocities, which every scene has.
 const STATE: SectionId = SectionId { name: "state", version: 2 };
 
-/// Name of the rows of hinges, and how many vertices and values each has.
+/// Name of the rows of elements that have yielded.
 const HINGES: &str = "hinges";
-const HINGE_VERTICES: usize = 4;
-const HINGE_VALUES: usize = 2;
+
+/// A room of the solver that remembers something from frame to frame.
+pub(super) struct Room {
+    /// Its section with what it remembers on this rank; `None` if the scene does not have it.
+    save: fn(&Simulation) -> Option<SavedSection>,
+    /// Goes on from a section that it has saved; ranks call it together, and come to the same.
+    restore: fn(&mut Simulation, &SavedSection) -> Result<(), SnapshotError>,
+}
+
+/// All rooms, in the order of their sections in a snapshot.
+static ROOMS: [Room; 5] = [
+    Room { save: |simulation| Some(simulation.save_state()), restore: Simulation::restore_state },
+    Room { save: Simulation::save_pins, restore: Simulation::restore_pins },
+    Room { save: |simulation| simulation.contacts.bodies.as_ref()?.save(), restore: Simulation::restore_collision },
+    Room { save: |simulation| Some(simulation.contacts.cloth.as_ref()?.save()), restore: Simulation::restore_contact },
+    Room { save: Simulation::save_elements, restore: Simulation::restore_elements },
+];
 
 /// Why a simulation cannot go on from a snapshot.
 #[derive(Debug, thiserror::Error)]
@@ -45,37 +58,14 @@ impl Simulation {
     pub fn save(&self, mut sink: Option<&mut dyn SnapshotSink>) {
         let numbers = self.prescribed.targets.numbers();
         let targets = TargetNumbers { own: &numbers, all: self.scene.pin_targets() };
-        for section in self.saved_sections() {
+        for (_, section) in self.saved_sections() {
             section.write(self.scene.parts(), targets, sink.as_deref_mut());
         }
     }
 
-    /// What time has changed, on this rank.
-    pub(super) fn saved_sections(&self) -> Vec<SavedSection> {
-        let own = self.scene.parts().own();
-        let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
-        let state = SavedSection::new(STATE)
-            .with("time", Field::Number(self.cloth.state.time))
-            .with("last_step", Field::Number(self.limit.last()))
-            .with("halvings", Field::Count(self.retry.saved()[0]))
-            .with("calm", Field::Count(self.retry.saved()[1]))
-            .with("positions", of_own(&self.cloth.state.x))
-            .with("velocities", of_own(&self.cloth.state.v));
-        let keeps_acceleration = self.scene.description().solver.integrator.spec().keeps_acceleration;
-        let state = if keeps_acceleration { state.with("accelerations", of_own(&self.cloth.state.a)) } else { state };
-        let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save());
-        let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.save());
-        let contact = self.contacts.cloth.as_ref().map(|contact| contact.save());
-        let yielded = self.yields.map(|section| self.remember_elements(section));
-        [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
-    }
-
-    /// What has yielded in elements that count on this rank, by vertices of the scene.
-    fn remember_elements(&self, section: SectionId) -> SavedSection {
-        let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
-        self.dynamics.forces.iter().flatten().for_each(|force| force.save_elements(&mut rows));
-        let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
-        SavedSection::new(section).with(HINGES, Field::Elements(rows))
+    /// What time has changed, on this rank, each with the room that it belongs to.
+    pub(super) fn saved_sections(&self) -> Vec<(&'static Room, SavedSection)> {
+        ROOMS.iter().filter_map(|room| Some((room, (room.save)(self)?))).collect()
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -105,7 +95,7 @@ impl Simulation {
         let mut memory = simulation.saved_sections();
         let numbers = simulation.prescribed.targets.numbers();
         let targets = TargetNumbers { own: &numbers, all: simulation.scene.pin_targets() };
-        for section in &mut memory {
+        for (_, section) in &mut memory {
             section.read(simulation.scene.parts(), targets, source.as_deref_mut())?;
         }
         simulation.restore_sections(start.frame, &memory)?;
@@ -113,60 +103,97 @@ impl Simulation {
     }
 
     /// Goes on from what was remembered at the frame `frame` or after it.
-    pub(super) fn restore_sections(&mut self, frame: i64, memory: &[SavedSection]) -> Result<(), SnapshotError> {
-        let Self { scene, cloth, prescribed: Prescribed { targets, bodies, .. }, contacts, limit, retry, .. } = self;
-        let state = &mut cloth.state;
-        let parts = scene.parts();
-        let timeline = scene.description().timeline;
-        let mut sections = memory.iter();
-        let mut problem = None;
-        if let Some(section) = sections.next() {
-            state.time = section.number("time");
-            if !(timeline.time(frame)..timeline.time(frame + 1)).contains(&state.time) {
-                let (time, frame_time) = (state.time, timeline.time(frame));
-                let what = format!("its time {time} s does not follow frame {frame} at {frame_time} s");
-                return Err(SnapshotError { section: STATE.name.to_owned(), what });
-            }
-            limit.set_last(section.number("last_step"));
-            retry.restore(["halvings", "calm"].map(|name| section.count(name)));
-            for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
-                vectors[parts.own()].copy_from_slice(section.vectors(name));
-                parts.halo().update(parts.ranks(), vectors);
-            }
-            if scene.description().solver.integrator.spec().keeps_acceleration {
-                state.a[parts.own()].copy_from_slice(section.vectors("accelerations"));
-                parts.halo().update(parts.ranks(), &mut state.a);
-            }
-        }
-        bodies.set_step(state.time, state.time);
-        if scene.pin_targets() > 0
-            && let Some(section) = sections.next()
-        {
-            problem = targets.restore(section, bodies).err();
-        }
-        if let (Some(collision), Some(section)) = (
-            contacts.bodies.as_mut().filter(|c| c.remembers()),
-            memory.iter().find(|s| s.name == collision::SECTION.name),
-        ) {
-            collision.restore(section);
-        }
-        if let (Some(contact), Some(section)) =
-            (&mut contacts.cloth, memory.iter().find(|section| section.name == self_contact::SECTION.name))
-        {
-            contact.restore(section)?;
-            self.crossings = contact.known_crossings().to_vec();
-        }
-        let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
-        if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
-            let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
-            self.dynamics.forces.iter_mut().flatten().for_each(|force| force.restore_elements(&rows));
-        }
+    pub(super) fn restore_sections(
+        &mut self,
+        frame: i64,
+        memory: &[(&'static Room, SavedSection)],
+    ) -> Result<(), SnapshotError> {
         self.frame = frame;
+        memory.iter().try_for_each(|(room, section)| (room.restore)(self, section))
+    }
+
+    fn save_state(&self) -> SavedSection {
+        let own = self.scene.parts().own();
+        let of_own = |vectors: &[Vec3]| Field::vectors(&vectors[own.clone()]);
+        let [halvings, calm] = self.retry.saved();
+        let state = SavedSection::new(STATE)
+            .with("time", Field::single(self.cloth.state.time))
+            .with("last_step", Field::single(self.limit.last()))
+            .with("halvings", Field::single(halvings))
+            .with("calm", Field::single(calm))
+            .with("positions", of_own(&self.cloth.state.x))
+            .with("velocities", of_own(&self.cloth.state.v));
+        let keeps_acceleration = self.scene.description().solver.integrator.spec().keeps_acceleration;
+        if keeps_acceleration { state.with("accelerations", of_own(&self.cloth.state.a)) } else { state }
+    }
+
+    fn restore_state(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let Self { scene, cloth, prescribed, limit, retry, frame, .. } = self;
+        let (state, parts, timeline) = (&mut cloth.state, scene.parts(), scene.description().timeline);
+        state.time = section.single("time");
+        if !(timeline.time(*frame)..timeline.time(*frame + 1)).contains(&state.time) {
+            let (time, frame_time) = (state.time, timeline.time(*frame));
+            let what = format!("its time {time} s does not follow frame {frame} at {frame_time} s");
+            return Err(SnapshotError { section: STATE.name.to_owned(), what });
+        }
+        limit.set_last(section.single("last_step"));
+        retry.restore(["halvings", "calm"].map(|name| section.single(name)));
+        let take = |name: &str, vectors: &mut [Vec3]| {
+            vectors[parts.own()].copy_from_slice(section.vectors(name));
+            parts.halo().update(parts.ranks(), vectors);
+        };
+        take("positions", &mut state.x);
+        take("velocities", &mut state.v);
+        if scene.description().solver.integrator.spec().keeps_acceleration {
+            take("accelerations", &mut state.a);
+        }
+        prescribed.bodies.set_step(state.time, state.time);
+        Ok(())
+    }
+
+    fn save_pins(&self) -> Option<SavedSection> {
+        (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save())
+    }
+
+    fn restore_pins(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let Prescribed { targets, bodies, .. } = &mut self.prescribed;
+        let problem = targets.restore(section, bodies).err();
         let elsewhere =
             || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot resume from it".into() };
-        match (scene.parts().ranks().any(problem.is_some()), problem) {
+        match (self.scene.parts().ranks().any(problem.is_some()), problem) {
             (false, _) => Ok(()),
             (true, problem) => Err(problem.unwrap_or_else(elsewhere)),
         }
+    }
+
+    fn restore_collision(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        self.contacts.bodies.iter_mut().for_each(|collision| collision.restore(section));
+        Ok(())
+    }
+
+    fn restore_contact(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let Some(contact) = &mut self.contacts.cloth else { return Ok(()) };
+        contact.restore(section)?;
+        self.crossings = contact.known_crossings().to_vec();
+        Ok(())
+    }
+
+    /// What has yielded in elements that count on this rank, by vertices of the scene.
+    fn save_elements(&self) -> Option<SavedSection> {
+        let section = SavedSection::new(self.yields?);
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new());
+        let plastic = self.dynamics.forces.iter().flatten().filter_map(|force| force.plastic());
+        plastic.for_each(|force| force.save_elements(&mut rows));
+        let rows = renumbered(rows, |vertex| Some(parts.number(vertex as usize)));
+        Some(section.with(HINGES, Field::elements(&rows)))
+    }
+
+    fn restore_elements(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let parts = self.scene.parts();
+        let local = |number| parts.local(number).map(|vertex| vertex as u32);
+        let rows = renumbered(section.elements(HINGES), local);
+        let plastic = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.plastic_mut());
+        plastic.for_each(|force| force.restore_elements(&rows));
+        Ok(())
     }
 }

@@ -137,7 +137,8 @@ impl Simulation {
         let Self { scene, dynamics, cloth, metrics, .. } = self;
         metrics.stage("yield", |_| {
             scene.parts().for_each(PerPart(&mut dynamics.forces), &|_, forces| {
-                forces.0[0].iter_mut().for_each(|force| force.update_plasticity(&cloth.state.x));
+                let plastic = forces.0[0].iter_mut().filter_map(|force| force.plastic_mut());
+                plastic.for_each(|force| force.update_plasticity(&cloth.state.x));
             });
         });
     }

@@ -15,7 +15,7 @@
 
 use super::Simulation;
 use crate::effects::registry::{PlannedEffect, find};
-use crate::effects::spec::{ForceCost, NANOSECONDS, Need};
+use crate::effects::spec::{NANOSECONDS, Need};
 use crate::scene::{BodyShape, Integrator, SolverSettings};
 use crate::time_step::StepLimit;
 use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
@@ -206,10 +206,7 @@ impl Simulation {
     fn force_costs(&self) -> [f64; 2] {
         let of_effect = |effect: &PlannedEffect| {
             let elements = effect.elements as f64;
-            find(effect.name).map_or([0.0; 2], |spec| {
-                let ForceCost { update, product } = spec.force_cost;
-                [elements * update, elements * product]
-            })
+            find(effect.name).map_or([0.0; 2], |spec| [elements * spec.cost.update, elements * spec.cost.product])
         };
         self.plan.iter().map(of_effect).fold([0.0; 2], |[u, p], [update, product]| [u + update, p + product])
     }

@@ -142,7 +142,8 @@ impl Simulation {
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
     pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
-        self.largest_of(self.dynamics.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.cloth.state.x)))
+        let strained = self.dynamics.forces.iter().flatten().filter_map(|force| force.strained());
+        self.largest_of(strained.filter_map(|force| force.largest_strain(&self.cloth.state.x)))
     }
 
     /// The largest strain of each garment's edges, and that which one edge in a thousand exceeds.

@@ -74,7 +74,7 @@ impl Simulation {
         let target = |p: &Pinned| OwnTarget { number: p.number, vertex: old.number(p.vertex as usize) };
         let pinned: Vec<OwnTarget> = self.scene.pinned().iter().map(target).collect();
         let mut memory = self.saved_sections();
-        memory.iter_mut().for_each(|section| section.migrate(old, new, &pinned));
+        memory.iter_mut().for_each(|(_, section)| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
         let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
         let frame = self.frame;

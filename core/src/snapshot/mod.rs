@@ -7,10 +7,16 @@
 //! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
 //! from a [`SnapshotSource`]. [`Snapshot`] is both.
 
-pub(super) mod element_rows;
+mod rows;
 pub(crate) mod saved_section;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
+
+use bytemuck::Pod;
+
+use crate::parallel::message::Codec;
 
 /// Everything that a simulation needs to go on, beside its scene.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -41,35 +47,104 @@ pub struct Dataset {
     pub values: Values,
 }
 
-/// Values of an array.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Values {
-    /// Real numbers.
-    F64(Vec<f64>),
-    /// Counts and flags.
-    U64(Vec<u64>),
-    /// Frame numbers.
-    I64(Vec<i64>),
-    /// Vertex numbers.
-    U32(Vec<u32>),
-    /// Marks.
-    U8(Vec<u8>),
+/// What arrays may hold: each kind with the type of one value.
+macro_rules! kinds {
+    ($(#[doc = $doc:literal] $kind:ident($type:ty),)+) => {
+        /// Values of an array.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Values {
+            $(#[doc = $doc] $kind(Vec<$type>),)+
+        }
+
+        /// Type of the values of an array.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum ValueKind {
+            $(#[doc = concat!("[`Values::", stringify!($kind), "`].")] $kind,)+
+        }
+
+        impl ValueKind {
+            /// Bytes that one value takes.
+            pub fn size(self) -> usize {
+                match self {
+                    $(Self::$kind => size_of::<$type>(),)+
+                }
+            }
+
+            /// No values of this kind.
+            pub fn empty(self) -> Values {
+                match self {
+                    $(Self::$kind => Values::$kind(Vec::new()),)+
+                }
+            }
+        }
+
+        impl Values {
+            /// Their type.
+            pub fn kind(&self) -> ValueKind {
+                match self {
+                    $(Self::$kind(_) => ValueKind::$kind,)+
+                }
+            }
+
+            /// Appends values of the same kind.
+            ///
+            /// # Panics
+            /// They are of another kind.
+            pub fn append(&mut self, more: Self) {
+                match (self, more) {
+                    $((Self::$kind(values), Self::$kind(more)) => values.extend(more),)+
+                    (values, more) => panic!("an array of {:?} gets {:?}", values.kind(), more.kind()),
+                }
+            }
+        }
+
+        $(impl Value for $type {
+            fn wrap(values: Vec<Self>) -> Values {
+                Values::$kind(values)
+            }
+
+            fn of(values: &Values) -> Option<&[Self]> {
+                if let Values::$kind(values) = values { Some(values) } else { None }
+            }
+        })+
+    };
 }
 
-/// Type of the values of an array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ValueKind {
-    /// [`Values::F64`].
-    F64,
-    /// [`Values::U64`].
-    U64,
-    /// [`Values::I64`].
-    I64,
-    /// [`Values::U32`].
-    U32,
-    /// [`Values::U8`].
-    U8,
+kinds! {
+    /// Real numbers.
+    F64(f64),
+    /// Counts and flags.
+    U64(u64),
+    /// Frame numbers.
+    I64(i64),
+    /// Vertex numbers.
+    U32(u32),
+    /// Marks.
+    U8(u8),
 }
+
+/// What an array can hold.
+pub(crate) trait Value: Pod + Codec {
+    /// Values as those of an array.
+    fn wrap(values: Vec<Self>) -> Values;
+
+    /// The values of an array; `None` if they are of another type.
+    fn of(values: &Values) -> Option<&[Self]>;
+}
+
+/// Does the same with values of any type.
+macro_rules! of_any_kind {
+    ($values:expr, $own:ident => $work:expr) => {
+        match $values {
+            $crate::snapshot::Values::F64($own) => $work,
+            $crate::snapshot::Values::U64($own) => $work,
+            $crate::snapshot::Values::I64($own) => $work,
+            $crate::snapshot::Values::U32($own) => $work,
+            $crate::snapshot::Values::U8($own) => $work,
+        }
+    };
+}
+pub(crate) use of_any_kind;
 
 /// What a section holds, without the values.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -240,28 +315,6 @@ impl DatasetOutline {
     }
 }
 
-impl ValueKind {
-    /// Bytes that one value takes.
-    pub fn size(self) -> usize {
-        match self {
-            Self::F64 | Self::U64 | Self::I64 => 8,
-            Self::U32 => 4,
-            Self::U8 => 1,
-        }
-    }
-
-    /// No values of this kind.
-    pub fn empty(self) -> Values {
-        match self {
-            Self::F64 => Values::F64(Vec::new()),
-            Self::U64 => Values::U64(Vec::new()),
-            Self::I64 => Values::I64(Vec::new()),
-            Self::U32 => Values::U32(Vec::new()),
-            Self::U8 => Values::U8(Vec::new()),
-        }
-    }
-}
-
 impl Section {
     /// An empty section.
     pub fn new(name: &str, version: u32) -> Self {
@@ -274,26 +327,9 @@ impl Section {
 }
 
 impl Values {
-    /// Their type.
-    pub fn kind(&self) -> ValueKind {
-        match self {
-            Self::F64(_) => ValueKind::F64,
-            Self::U64(_) => ValueKind::U64,
-            Self::I64(_) => ValueKind::I64,
-            Self::U32(_) => ValueKind::U32,
-            Self::U8(_) => ValueKind::U8,
-        }
-    }
-
     /// Number of values.
     pub fn len(&self) -> usize {
-        match self {
-            Self::F64(values) => values.len(),
-            Self::U64(values) => values.len(),
-            Self::I64(values) => values.len(),
-            Self::U32(values) => values.len(),
-            Self::U8(values) => values.len(),
-        }
+        of_any_kind!(self, values => values.len())
     }
 
     /// Whether there are none.
@@ -301,40 +337,13 @@ impl Values {
         self.len() == 0
     }
 
-    /// Appends values of the same kind.
-    ///
-    /// # Panics
-    /// They are of another kind.
-    pub fn append(&mut self, more: Self) {
-        match (self, more) {
-            (Self::F64(values), Self::F64(more)) => values.extend(more),
-            (Self::U64(values), Self::U64(more)) => values.extend(more),
-            (Self::I64(values), Self::I64(more)) => values.extend(more),
-            (Self::U32(values), Self::U32(more)) => values.extend(more),
-            (Self::U8(values), Self::U8(more)) => values.extend(more),
-            (values, more) => panic!("an array of {:?} gets {:?}", values.kind(), more.kind()),
-        }
-    }
-
     /// Some of the values; `None` when there are fewer.
     fn part(&self, range: Range<usize>) -> Option<Self> {
-        Some(match self {
-            Self::F64(values) => Self::F64(values.get(range)?.to_vec()),
-            Self::U64(values) => Self::U64(values.get(range)?.to_vec()),
-            Self::I64(values) => Self::I64(values.get(range)?.to_vec()),
-            Self::U32(values) => Self::U32(values.get(range)?.to_vec()),
-            Self::U8(values) => Self::U8(values.get(range)?.to_vec()),
-        })
+        of_any_kind!(self, values => values.get(range).map(|part| Value::wrap(part.to_vec())))
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        match self {
-            Self::F64(values) => size_of_val(values.as_slice()),
-            Self::U64(values) => size_of_val(values.as_slice()),
-            Self::I64(values) => size_of_val(values.as_slice()),
-            Self::U32(values) => size_of_val(values.as_slice()),
-            Self::U8(values) => values.len(),
-        }
+        of_any_kind!(self, values => size_of_val(values.as_slice()))
     }
 }

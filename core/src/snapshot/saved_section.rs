@@ -1,19 +1,29 @@
-//! What time has changed, as the ranks have it: fields over own vertices, over own pin targets, and values that all ranks
+//! What time has changed, as the ranks have it: arrays over own vertices, over own pin targets, and values that all ranks
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
-use std::ops::Range;
+use std::collections::BTreeMap;
 
-use bytemuck::Pod;
+use bytemuck::cast_slice;
 
 use crate::Vec3;
-use crate::parallel::message::{Codec, codec};
 use crate::parallel::parts::Parts;
-use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
-use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
+use crate::snapshot::rows::{Rows, moved_targets, own_order, read_and_broadcast, scene_order, sorted_elements};
+use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, Value, Values, of_any_kind};
 
-pub use crate::snapshot::element_rows::ElementRows;
+/// What time has changed in elements of four vertices, as hinges are: two numbers for each, by its vertices. It needs no numbering of
+/// the elements, and every rank finds those that it has.
+pub type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
+
+/// The same elements with other numbers of vertices, without those that have a vertex without a number.
+pub(crate) fn renumbered(rows: ElementRows, number: impl Fn(u32) -> Option<u32>) -> ElementRows {
+    let one = |(nodes, values): ([u32; 4], _)| {
+        let [a, b, c, d] = nodes.map(&number);
+        Some(([a?, b?, c?, d?], values))
+    };
+    rows.into_iter().filter_map(one).collect()
+}
 
 /// A section of a snapshot, and hence of a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,39 +34,43 @@ pub struct SectionId {
     pub version: u32,
 }
 
-/// Rows of a field that travel together.
-const CHUNK: usize = 1 << 16;
-
 /// What one part of the solver remembers on this rank.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SavedSection {
-    /// Name of the section of a snapshot.
-    pub(crate) name: &'static str,
-    /// Version of its layout.
-    pub(crate) version: u32,
+    /// The section of a snapshot.
+    pub(crate) id: SectionId,
     /// Its fields with their names, in a fixed order.
-    pub(crate) fields: Vec<(&'static str, Field)>,
+    fields: Vec<(&'static str, Field)>,
 }
 
-/// A field.
+/// An array of a section.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Field {
-    /// A number that all ranks know.
-    Number(f64),
-    /// A count that all ranks know.
-    Count(u64),
-    /// So many numbers for each own vertex, ascending.
-    Vertices(usize, Vec<f64>),
-    /// A finite vector for each own vertex, ascending.
-    Vectors(Vec<Vec3>),
-    /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
-    Nodes(usize, Option<(Vec<Vec3>, Vec<Vec3>)>),
-    /// Values for each own pin target, so many a row.
-    Targets(usize, Values),
-    /// Rows of so many nodes by their numbers in the scene, which all ranks know.
-    Numbers(usize, Vec<u32>),
-    /// Rows of elements: those that count here when they are given, those of all ranks when they were taken or have moved.
-    Elements(ElementRows),
+pub(crate) struct Field {
+    layout: Layout,
+    /// Values in a row.
+    width: usize,
+    /// Those of this rank, row after row.
+    values: Values,
+}
+
+/// Which rows an array has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Layout {
+    /// One, which all ranks know.
+    Single,
+    /// One for each own vertex, ascending.
+    Vertices,
+    /// The same, of vectors that are possible.
+    Vectors,
+    /// The same, and one for each of so many points of bodies, which all ranks know; or none at all.
+    Nodes { points: usize, given: bool },
+    /// One for each own pin target.
+    Targets,
+    /// Any number, of nodes by their numbers in the scene; all ranks know them.
+    Numbers,
+    /// One for each element, its vertices by their numbers in the scene before its values: of elements that count here when they are
+    /// written, of those of all ranks when they were read or have moved.
+    Elements,
 }
 
 /// A pin target of a rank.
@@ -77,160 +91,132 @@ pub(crate) struct TargetNumbers<'a> {
     pub(crate) all: usize,
 }
 
-codec!(struct SnapshotError { section, what });
-
-/// Which rows of a field a rank has: their keys, ascending, and the places of their values.
-struct Rows {
-    keys: Vec<u32>,
-    places: Vec<u32>,
-    /// Rows of all ranks.
-    all: Range<usize>,
+/// Elements as rows of numbers.
+pub(super) fn flat(elements: &ElementRows) -> Vec<f64> {
+    elements.iter().flat_map(|(nodes, values)| nodes.map(f64::from).into_iter().chain(*values)).collect()
 }
 
-impl Rows {
-    /// Own vertices by the order of the garments' own numbers.
-    fn of_vertices(parts: &Parts) -> Self {
-        let index = |local: usize| {
-            let (garment, number) = parts.own_vertex(local);
-            parts.partition().garments()[garment].start as u32 + number
-        };
-        let mut rows: Vec<(u32, u32)> = parts.own().map(index).zip(0..).collect();
-        rows.sort_unstable();
-        let (keys, places) = rows.into_iter().unzip();
-        Self { keys, places, all: 0..parts.partition().vertex_count() }
+/// The inverse of [`flat`].
+pub(super) fn elements_of(rows: &[f64]) -> ElementRows {
+    let (rows, _) = rows.as_chunks::<6>();
+    rows.iter().map(|[a, b, c, d, values @ ..]| ([*a, *b, *c, *d].map(|n| n as u32), *values)).collect()
+}
+
+impl Layout {
+    /// The rows of this rank, of an array that has `count` if any number is right.
+    fn rows(self, parts: &Parts, targets: TargetNumbers<'_>, count: usize) -> Rows {
+        match self {
+            Self::Single => Rows::known(1),
+            Self::Vertices | Self::Vectors => Rows::of_vertices(parts, 0),
+            Self::Nodes { points, given: true } => Rows::of_vertices(parts, points),
+            Self::Nodes { given: false, .. } => Rows::known(0),
+            Self::Targets => Rows::of_targets(targets),
+            Self::Numbers | Self::Elements => Rows::known(count),
+        }
+    }
+}
+
+impl Field {
+    fn new<T: Value>(layout: Layout, width: usize, values: Vec<T>) -> Self {
+        Self { layout, width, values: T::wrap(values) }
     }
 
-    /// Own pin targets.
-    fn of_targets(TargetNumbers { own, all }: TargetNumbers<'_>) -> Self {
-        Self { keys: own.to_vec(), places: (0..own.len() as u32).collect(), all: 0..all }
+    /// A number or a count that all ranks know.
+    pub(crate) fn single<T: Value>(value: T) -> Self {
+        Self::new(Layout::Single, 1, vec![value])
     }
 
-    /// Rows that all ranks have.
-    fn alike(rows: Range<usize>) -> Self {
-        let places = (0..rows.len() as u32).collect();
-        Self { keys: rows.clone().map(|row| row as u32).collect(), places, all: rows }
+    /// So many numbers for each own vertex, ascending.
+    pub(crate) fn vertices(width: usize, values: Vec<f64>) -> Self {
+        Self::new(Layout::Vertices, width, values)
     }
 
-    /// Places of the rows of a chunk among those of this rank.
-    fn within(&self, chunk: &Range<usize>) -> Range<usize> {
-        let place = |end: usize| self.keys.partition_point(|key| (*key as usize) < end);
-        place(chunk.start)..place(chunk.end)
+    /// A finite vector for each own vertex, ascending.
+    pub(crate) fn vectors(vectors: &[Vec3]) -> Self {
+        Self::new(Layout::Vectors, 3, cast_slice::<_, f64>(vectors).to_vec())
     }
 
-    fn chunks(&self) -> impl Iterator<Item = Range<usize>> {
-        let all = self.all.clone();
-        all.clone().step_by(CHUNK).map(move |start| start..(start + CHUNK).min(all.end))
+    /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
+    pub(crate) fn nodes(points: usize, vectors: Option<[&[Vec3]; 2]>) -> Self {
+        let flat = vectors.map_or_else(Vec::new, |both| cast_slice(&both.concat()).to_vec());
+        Self::new::<f64>(Layout::Nodes { points, given: vectors.is_some() }, 3, flat)
     }
 
-    /// Brings the rows of all ranks to rank 0, chunk by chunk.
-    fn give<T: Pod>(&self, ranks: &Ranks, width: usize, own: &[T], mut to: impl FnMut(Vec<T>)) {
-        for chunk in self.chunks() {
-            let here = self.within(&chunk);
-            let row = |place: &u32| own[*place as usize * width..(*place as usize + 1) * width].iter().copied();
-            let values: Vec<T> = self.places[here.clone()].iter().flat_map(row).collect();
-            if ranks.is_alone() {
-                to(values);
-                continue;
+    /// So many values for each own pin target.
+    pub(crate) fn targets<T: Value>(width: usize, values: Vec<T>) -> Self {
+        Self::new(Layout::Targets, width, values)
+    }
+
+    /// Rows of so many nodes by their numbers in the scene, which all ranks know.
+    pub(crate) fn numbers(width: usize, numbers: Vec<u32>) -> Self {
+        Self::new(Layout::Numbers, width, numbers)
+    }
+
+    /// Elements that count on this rank, by their vertices in the scene.
+    pub(crate) fn elements(rows: &ElementRows) -> Self {
+        Self::new(Layout::Elements, 6, flat(rows))
+    }
+
+    /// What a snapshot has: the values without numbers that a partition enters.
+    fn written(&self, parts: &Parts) -> Option<Values> {
+        match (self.layout, &self.values) {
+            (Layout::Numbers, Values::U32(numbers)) => Some(Values::U32(own_order(parts, numbers))),
+            (Layout::Elements, Values::F64(rows)) => {
+                Some(Values::F64(flat(&sorted_elements(parts, elements_of(rows)))))
             }
-            let (keys, values) = (ranks.gather(&self.keys[here]), ranks.gather(&values));
-            let mut rows = vec![T::zeroed(); if ranks.is_first() { chunk.len() * width } else { 0 }];
-            for (keys, values) in keys.iter().zip(&values) {
-                for (key, row) in keys.iter().zip(values.chunks_exact(width.max(1))) {
-                    let place = (*key as usize - chunk.start) * width;
-                    rows[place..place + width].copy_from_slice(row);
-                }
-            }
-            if ranks.is_first() {
-                to(rows);
-            }
+            _ => None,
         }
     }
 
-    /// Takes this rank's rows of what rank 0 reads, chunk by chunk.
-    fn take<T: Pod + Codec>(
+    fn write(
         &self,
-        ranks: &Ranks,
-        width: usize,
-        mut read: impl FnMut(Range<usize>) -> Result<Vec<T>, SnapshotError>,
-    ) -> Result<Vec<T>, SnapshotError> {
-        let mut own = vec![T::zeroed(); self.keys.len() * width];
-        for chunk in self.chunks() {
-            let rows = read_and_broadcast(ranks, || read(chunk.clone()))?;
-            for i in self.within(&chunk) {
-                let from = (self.keys[i] as usize - chunk.start) * width;
-                let to = self.places[i] as usize * width;
-                own[to..to + width].copy_from_slice(&rows[from..from + width]);
-            }
+        name: &str,
+        parts: &Parts,
+        targets: TargetNumbers<'_>,
+        mut sink: Option<&mut (dyn SnapshotSink + '_)>,
+    ) {
+        let written = self.written(parts);
+        let values = written.as_ref().unwrap_or(&self.values);
+        let rows = self.layout.rows(parts, targets, values.len() / self.width);
+        let is_flat = self.width == 1 && self.layout != Layout::Numbers;
+        let shape = [rows.count(), self.width];
+        if let Some(sink) = &mut sink {
+            sink.dataset(name, if is_flat { &shape[..1] } else { &shape }, values.kind());
         }
-        Ok(own)
+        of_any_kind!(values, own => rows.give(parts.ranks(), self.width, own, |rows| {
+            if let Some(sink) = &mut sink {
+                sink.rows(Value::wrap(rows));
+            }
+        }));
+    }
+
+    /// Hands the rows of own vertices and targets to the ranks that own them in `new`.
+    fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[OwnTarget]) {
+        let (ranks, width, own) = (old.ranks(), self.width, old.own().len());
+        let first = old.rank_starts()[ranks.rank()];
+        let within = |vertex: u32| (vertex.clamp(first, first + own as u32) - first) as usize * width;
+        let starts = new.rank_starts();
+        of_any_kind!(&mut self.values, values => match self.layout {
+            Layout::Vertices | Layout::Vectors | Layout::Nodes { given: true, .. } => {
+                let known = values.split_off(own * width);
+                let rows = |ends: &[u32]| values[within(ends[0])..within(ends[1])].to_vec();
+                *values = ranks.all_to_all_v(starts.windows(2).map(rows).collect()).concat();
+                values.extend(known);
+            }
+            Layout::Targets => *values = moved_targets(new, pinned, width, values),
+            Layout::Elements => *values = ranks.all_gather_v(values).concat(),
+            Layout::Single | Layout::Numbers | Layout::Nodes { given: false, .. } => {}
+        });
     }
 }
 
-/// What rank 0 reads, on every rank; or its error.
-fn read_and_broadcast<T: Codec>(
-    ranks: &Ranks,
-    read: impl FnOnce() -> Result<T, SnapshotError>,
-) -> Result<T, SnapshotError> {
-    ranks.broadcast_encoded("rows of a snapshot", ranks.is_first().then(read))
-}
-
-/// Numbers of nodes in the scene as numbers that no partition enters: garments' own, points of bodies after them. The same on
-/// all ranks.
-pub(crate) fn own_order(parts: &Parts, numbers: &[u32]) -> Vec<u32> {
-    let found = translated(parts, numbers, |number| {
-        let local = parts.local(number).filter(|local| parts.own().contains(local))?;
-        let (garment, own) = parts.own_vertex(local);
-        Some(parts.partition().garments()[garment].start as u32 + own)
-    });
-    let known = |number: f64| {
-        assert!(number >= 0.0, "what a snapshot names exists on the rank that owns it");
-        number as u32
-    };
-    found.into_iter().map(known).collect()
-}
-
-/// The inverse of [`own_order`]; `None` if a number is not that of a vertex.
-fn scene_order(parts: &Parts, rows: &Rows, own: &[u32]) -> Option<Vec<u32>> {
-    let first = parts.own().start;
-    let found = translated(parts, own, |own| {
-        let place = rows.keys.binary_search(&own).ok()?;
-        Some(parts.number(first + rows.places[place] as usize))
-    });
-    found.into_iter().map(|number| (number >= 0.0).then_some(number as u32)).collect()
-}
-
-/// Numbers of cloth by what their owners know, points of bodies as they are; -1 where nobody knows one.
-fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>) -> Vec<f64> {
-    let cloth = parts.partition().vertex_count() as u32;
-    let one = |number: &u32| if *number >= cloth { Some(*number) } else { known(*number) };
-    parts.ranks().max_each(numbers.iter().map(|number| one(number).map_or(-1.0, f64::from)).collect())
-}
-
-/// The rows of those targets that are this rank's in `new`.
-fn moved_targets<T: Pod>(new: &Parts, pinned: &[OwnTarget], width: usize, values: &[T]) -> Vec<T> {
-    let ranks = new.ranks();
-    let to = |rank: usize| {
-        pinned.iter().zip(values.chunks_exact(width)).filter(move |(target, _)| new.owner(target.vertex) == rank)
-    };
-    let numbers = ranks
-        .all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(target, _)| target.number).collect()).collect());
-    let rows = ranks
-        .all_to_all_v((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
-    let (numbers, rows) = (numbers.concat(), rows.concat());
-    let mut order: Vec<usize> = (0..numbers.len()).collect();
-    order.sort_unstable_by_key(|i| numbers[*i]);
-    order.into_iter().flat_map(|i| rows[i * width..(i + 1) * width].iter().copied()).collect()
-}
-
-/// Reads one field.
+/// Reads the fields of a section.
 struct Reader<'a, 's> {
     parts: &'a Parts,
+    targets: TargetNumbers<'a>,
     section: &'static str,
-    name: &'static str,
     /// On rank 0.
     source: Option<&'a mut (dyn SnapshotSource + 's)>,
-    /// Rows that the array has.
-    rows: usize,
 }
 
 impl Reader<'_, '_> {
@@ -238,121 +224,66 @@ impl Reader<'_, '_> {
         SnapshotError { section: self.section.to_owned(), what }
     }
 
-    fn count_rows(&mut self) -> Result<(), SnapshotError> {
-        let rows = read_and_broadcast(self.parts.ranks(), || {
+    fn read(&mut self, name: &str, field: &mut Field) -> Result<(), SnapshotError> {
+        let ranks = self.parts.ranks();
+        let found = read_and_broadcast(ranks, || {
             let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
-            source.rows_of(self.section, self.name)
+            source.rows_of(self.section, name)
         })?;
-        self.rows = rows;
-        Ok(())
-    }
-
-    /// Makes sure of the number of rows.
-    fn expect(&self, rows: usize) -> Result<(), SnapshotError> {
-        if self.rows == rows {
-            return Ok(());
+        if let Layout::Nodes { given, .. } = &mut field.layout {
+            *given = found > 0;
         }
-        Err(self.error(format!("`{}` has {} rows, not {rows}", self.name, self.rows)))
+        let rows = field.layout.rows(self.parts, self.targets, found);
+        if rows.count() != found {
+            return Err(self.error(format!("`{name}` has {found} rows, not {}", rows.count())));
+        }
+        of_any_kind!(&mut field.values, values => *values = self.values(name, field.width, &rows)?);
+        self.check(name, field, &rows)
     }
 
-    /// The rows of this rank, of values that `of_kind` takes out.
-    fn own<T: Pod + Codec>(
-        &mut self,
-        rows: &Rows,
-        width: usize,
-        of_kind: impl Fn(Values) -> Option<Vec<T>>,
-    ) -> Result<Vec<T>, SnapshotError> {
-        let (section, name, ranks) = (self.section, self.name, self.parts.ranks());
-        let other =
-            SnapshotError { section: section.to_owned(), what: format!("`{name}` is of another type or width") };
+    /// The values of this rank's rows.
+    fn values<T: Value>(&mut self, name: &str, width: usize, rows: &Rows) -> Result<Vec<T>, SnapshotError> {
+        let (section, ranks) = (self.section, self.parts.ranks());
+        let other = self.error(format!("`{name}` is of another type or width"));
         rows.take(ranks, width, |range| {
             let source = self.source.as_deref_mut().ok_or_else(|| other.clone())?;
             let count = range.len() * width;
-            let values = of_kind(source.values(section, name, range)?);
-            values.filter(|values| values.len() == count).ok_or_else(|| other.clone())
+            let values = source.values(section, name, range)?;
+            T::of(&values).filter(|values| values.len() == count).map(<[T]>::to_vec).ok_or_else(|| other.clone())
         })
     }
 
-    /// Positions or velocities of this rank's rows.
-    fn vectors(&mut self, rows: &Rows) -> Result<Vec<Vec3>, SnapshotError> {
-        let own = self.own(rows, 3, reals)?;
-        let vectors: Vec<Vec3> = own.as_chunks::<3>().0.iter().map(|x| Vec3::from(*x)).collect();
-        let broken = |i: &usize| !is_possible(&vectors[rows.places[*i] as usize]);
-        let first = (0..rows.keys.len()).find(broken).map_or(f64::INFINITY, |i| f64::from(rows.keys[i]));
-        let first = -self.parts.ranks().max(-first);
-        match first.is_finite() {
-            true => Err(self.error(format!("row {first} of `{}` is not finite, or beyond {FARTHEST:e}", self.name))),
-            false => Ok(vectors),
+    /// Makes sure of what was read, and brings it into the numbers of the scene.
+    fn check(&self, name: &str, Field { layout, values, .. }: &mut Field, rows: &Rows) -> Result<(), SnapshotError> {
+        match (*layout, values) {
+            (Layout::Vectors | Layout::Nodes { given: true, .. }, Values::F64(values)) => {
+                let vectors: &[Vec3] = cast_slice(values);
+                let wrong = rows.first_wrong(self.parts.ranks(), |place| !is_possible(&vectors[place]));
+                let error = |row| self.error(format!("row {row} of `{name}` is not finite, or beyond {FARTHEST:e}"));
+                wrong.map_or(Ok(()), |row| Err(error(row)))
+            }
+            (Layout::Numbers, Values::U32(numbers)) => {
+                let wrong = || self.error(format!("`{name}` names a vertex that does not exist"));
+                *numbers = scene_order(self.parts, numbers).ok_or_else(wrong)?;
+                Ok(())
+            }
+            (Layout::Elements, Values::F64(values)) => {
+                let is_finite = values.iter().all(|value| value.is_finite());
+                let (nodes, kept): (Vec<[u32; 4]>, Vec<[f64; 2]>) = elements_of(values).into_iter().unzip();
+                let wrong = || self.error(format!("`{name}` has a vertex that does not exist or is not finite"));
+                let found = scene_order(self.parts, nodes.as_flattened()).filter(|_| is_finite).ok_or_else(wrong)?;
+                *values = flat(&found.as_chunks().0.iter().copied().zip(kept).collect());
+                Ok(())
+            }
+            _ => Ok(()),
         }
     }
-
-    fn read(&mut self, field: &mut Field, targets: &Rows) -> Result<(), SnapshotError> {
-        let (parts, cloth) = (self.parts, self.parts.partition().vertex_count());
-        match field {
-            Field::Number(value) => {
-                self.expect(1)?;
-                *value = self.own(&Rows::alike(0..1), 1, reals)?[0];
-            }
-            Field::Count(value) => {
-                self.expect(1)?;
-                let count = |values| if let Values::U64(values) = values { Some(values) } else { None };
-                *value = self.own(&Rows::alike(0..1), 1, count)?[0];
-            }
-            Field::Vertices(width, own) => {
-                self.expect(cloth)?;
-                *own = self.own(&Rows::of_vertices(parts), *width, reals)?;
-            }
-            Field::Vectors(own) => {
-                self.expect(cloth)?;
-                *own = self.vectors(&Rows::of_vertices(parts))?;
-            }
-            Field::Nodes(_, nodes) if self.rows == 0 => *nodes = None,
-            Field::Nodes(bodies, nodes) => {
-                self.expect(cloth + *bodies)?;
-                let own = self.vectors(&Rows::of_vertices(parts))?;
-                *nodes = Some((own, self.vectors(&Rows::alike(cloth..cloth + *bodies))?));
-            }
-            Field::Targets(width, own) => {
-                self.expect(targets.all.len())?;
-                *own = match own.kind() {
-                    ValueKind::U32 => Values::U32(self.own(targets, *width, indices)?),
-                    ValueKind::U8 => {
-                        let marks = |values| if let Values::U8(values) = values { Some(values) } else { None };
-                        Values::U8(self.own(targets, *width, marks)?)
-                    }
-                    ValueKind::F64 | ValueKind::U64 | ValueKind::I64 => Values::F64(self.own(targets, *width, reals)?),
-                };
-            }
-            Field::Numbers(width, numbers) => {
-                let own: Vec<u32> = self.own(&Rows::alike(0..self.rows), *width, indices)?;
-                let found = scene_order(parts, &Rows::of_vertices(parts), &own);
-                *numbers =
-                    found.ok_or_else(|| self.error(format!("`{}` names a vertex that does not exist", self.name)))?;
-            }
-            Field::Elements(rows) => {
-                rows.set(self.own(&Rows::alike(0..self.rows), rows.width(), reals)?);
-                let own: Vec<u32> = rows.iter().flat_map(|(nodes, _)| nodes).collect();
-                let found = scene_order(parts, &Rows::of_vertices(parts), &own).filter(|_| rows.is_finite());
-                let wrong = || self.error(format!("`{}` has a vertex that does not exist or is not finite", self.name));
-                rows.set_nodes(&found.ok_or_else(wrong)?);
-            }
-        }
-        Ok(())
-    }
-}
-
-fn reals(values: Values) -> Option<Vec<f64>> {
-    if let Values::F64(values) = values { Some(values) } else { None }
-}
-
-fn indices(values: Values) -> Option<Vec<u32>> {
-    if let Values::U32(values) = values { Some(values) } else { None }
 }
 
 impl SavedSection {
     /// Nothing yet.
-    pub(crate) fn new(section: SectionId) -> Self {
-        Self { name: section.name, version: section.version, fields: Vec::new() }
+    pub(crate) fn new(id: SectionId) -> Self {
+        Self { id, fields: Vec::new() }
     }
 
     /// Adds a field.
@@ -368,71 +299,10 @@ impl SavedSection {
         targets: TargetNumbers<'_>,
         mut sink: Option<&mut (dyn SnapshotSink + '_)>,
     ) {
-        let ranks = parts.ranks();
         if let Some(sink) = &mut sink {
-            sink.section(self.name, self.version);
+            sink.section(self.id.name, self.id.version);
         }
-        for (name, field) in &self.fields {
-            if let Field::Elements(own) = field {
-                own.give(parts, name, sink.as_deref_mut());
-                continue;
-            }
-            let mut begin = |shape: &[usize], kind| {
-                if let Some(sink) = &mut sink {
-                    sink.dataset(name, shape, kind);
-                }
-            };
-            match field {
-                Field::Number(_) => begin(&[1], ValueKind::F64),
-                Field::Count(_) => begin(&[1], ValueKind::U64),
-                Field::Vectors(_) => begin(&[parts.partition().vertex_count(), 3], ValueKind::F64),
-                Field::Vertices(1, _) => begin(&[parts.partition().vertex_count()], ValueKind::F64),
-                Field::Vertices(width, _) => begin(&[parts.partition().vertex_count(), *width], ValueKind::F64),
-                Field::Nodes(_, None) => begin(&[0, 3], ValueKind::F64),
-                Field::Nodes(_, Some((_, bodies))) => {
-                    begin(&[parts.partition().vertex_count() + bodies.len(), 3], ValueKind::F64);
-                }
-                Field::Targets(1, values) => begin(&[targets.all], values.kind()),
-                Field::Targets(width, values) => begin(&[targets.all, *width], values.kind()),
-                Field::Numbers(width, values) => begin(&[values.len() / width, *width], ValueKind::U32),
-                Field::Elements(_) => {}
-            }
-            let mut rows = |values: Values| {
-                if let Some(sink) = &mut sink {
-                    sink.rows(values);
-                }
-            };
-            let of_targets = || Rows::of_targets(targets);
-            match field {
-                Field::Number(value) => rows(Values::F64(vec![*value])),
-                Field::Count(value) => rows(Values::U64(vec![*value])),
-                Field::Vertices(width, own) => {
-                    Rows::of_vertices(parts).give(ranks, *width, own, |values| rows(Values::F64(values)));
-                }
-                Field::Vectors(own) => {
-                    let flat: &[f64] = bytemuck::cast_slice(own);
-                    Rows::of_vertices(parts).give(ranks, 3, flat, |values| rows(Values::F64(values)));
-                }
-                Field::Nodes(_, None) => {}
-                Field::Nodes(_, Some((own, bodies))) => {
-                    let flat: &[f64] = bytemuck::cast_slice(own);
-                    Rows::of_vertices(parts).give(ranks, 3, flat, |values| rows(Values::F64(values)));
-                    rows(Values::F64(bytemuck::cast_slice(bodies).to_vec()));
-                }
-                Field::Targets(width, Values::F64(own)) => {
-                    of_targets().give(ranks, *width, own, |v| rows(Values::F64(v)))
-                }
-                Field::Targets(width, Values::U32(own)) => {
-                    of_targets().give(ranks, *width, own, |v| rows(Values::U32(v)))
-                }
-                Field::Targets(width, Values::U8(own)) => {
-                    of_targets().give(ranks, *width, own, |v| rows(Values::U8(v)))
-                }
-                Field::Targets(..) => unreachable!("pins remember numbers, points and marks only"),
-                Field::Numbers(_, values) => rows(Values::U32(own_order(parts, values))),
-                Field::Elements(_) => {}
-            }
-        }
+        self.fields.iter().for_each(|(name, field)| field.write(name, parts, targets, sink.as_deref_mut()));
     }
 
     /// Reads into the fields, which say what is expected, and have the sizes that this rank needs. All ranks call it together;
@@ -444,135 +314,61 @@ impl SavedSection {
         &mut self,
         parts: &Parts,
         targets: TargetNumbers<'_>,
-        mut source: Option<&mut (dyn SnapshotSource + '_)>,
+        source: Option<&mut (dyn SnapshotSource + '_)>,
     ) -> Result<(), SnapshotError> {
-        let (ranks, section) = (parts.ranks(), self.name);
-        let error = |what: String| SnapshotError { section: section.to_owned(), what };
-        let version = read_and_broadcast(ranks, || {
-            let version = source.as_deref().and_then(|source| source.version(section));
-            version.ok_or_else(|| error("it is missing".into()))
+        let SectionId { name: section, version } = self.id;
+        let mut reader = Reader { parts, targets, section, source };
+        let found = read_and_broadcast(parts.ranks(), || {
+            let found = reader.source.as_deref().and_then(|source| source.version(section));
+            found.ok_or_else(|| reader.error("it is missing".into()))
         })?;
-        if version != self.version {
-            return Err(error(format!("it has version {version}, this program reads {}", self.version)));
+        if found != version {
+            return Err(reader.error(format!("it has version {found}, this program reads {version}")));
         }
-        for (name, field) in &mut self.fields {
-            let source = source.as_deref_mut();
-            let mut reader = Reader { parts, section, name, source, rows: 0 };
-            reader.count_rows()?;
-            reader.read(field, &Rows::of_targets(targets))?;
-        }
-        Ok(())
+        self.fields.iter_mut().try_for_each(|(name, field)| reader.read(name, field))
     }
 
     /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets. All ranks call
     /// it together.
     pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[OwnTarget]) {
-        let ranks = old.ranks();
-        let first = old.rank_starts()[ranks.rank()];
-        let own = first..old.rank_starts()[ranks.rank() + 1];
-        let run = |rank: usize| {
-            let (start, end) = (new.rank_starts()[rank].max(own.start), new.rank_starts()[rank + 1].min(own.end));
-            (start.min(end) - first.min(end)) as usize..(end - first.min(end)) as usize
-        };
-        for (_, field) in &mut self.fields {
-            match field {
-                Field::Vectors(values) => {
-                    let rows = |rank| values[run(rank)].to_vec();
-                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
-                }
-                Field::Vertices(width, values) => {
-                    let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
-                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
-                }
-                Field::Nodes(_, Some((values, _))) => {
-                    let rows = |rank| values[run(rank)].to_vec();
-                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
-                }
-                Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
-                Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
-                Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
-                Field::Elements(own) => own.set(ranks.all_gather_v(own.rows()).concat()),
-                Field::Targets(..)
-                | Field::Number(_)
-                | Field::Count(_)
-                | Field::Nodes(_, None)
-                | Field::Numbers(..) => {}
-            }
-        }
+        self.fields.iter_mut().for_each(|(_, field)| field.migrate(old, new, pinned));
     }
 
-    /// A number of this name.
+    /// The values of this rank in the field of this name.
     ///
     /// # Panics
-    /// The section has no such field, which is a fault of the program; so in the functions below that return no `Option`.
-    pub(crate) fn number(&self, name: &str) -> f64 {
-        match self.field(name) {
-            Some(Field::Number(value)) => *value,
-            _ => self.lacks(name),
-        }
+    /// The section has no such field, which is a fault of the program; so in the functions below.
+    pub(crate) fn values<T: Value>(&self, name: &str) -> &[T] {
+        T::of(&self.field(name).values).unwrap_or_else(|| self.lacks(name))
     }
 
-    /// A count of this name.
-    pub(crate) fn count(&self, name: &str) -> u64 {
-        match self.field(name) {
-            Some(Field::Count(value)) => *value,
-            _ => self.lacks(name),
-        }
-    }
-
-    /// The numbers of own vertices in the field of this name.
-    pub(crate) fn vertices(&self, name: &str) -> &[f64] {
-        match self.field(name) {
-            Some(Field::Vertices(_, values)) => values,
-            _ => self.lacks(name),
-        }
+    /// The one value of the field of this name.
+    pub(crate) fn single<T: Value>(&self, name: &str) -> T {
+        self.values(name)[0]
     }
 
     /// The vectors of own vertices in the field of this name.
     pub(crate) fn vectors(&self, name: &str) -> &[Vec3] {
-        match self.field(name) {
-            Some(Field::Vectors(values)) => values,
-            _ => self.lacks(name),
-        }
+        cast_slice(self.values::<f64>(name))
     }
 
-    /// The values of own targets in the field of this name.
-    pub(crate) fn targets(&self, name: &str) -> &Values {
-        match self.field(name) {
-            Some(Field::Targets(_, values)) => values,
-            _ => self.lacks(name),
-        }
-    }
-
-    /// The rows of node numbers in the field of this name.
-    pub(crate) fn numbers(&self, name: &str) -> &[u32] {
-        match self.field(name) {
-            Some(Field::Numbers(_, values)) => values,
-            _ => self.lacks(name),
-        }
+    /// The vectors of own vertices and of points of bodies in the field of this name, if there are any.
+    pub(crate) fn nodes(&self, name: &str) -> Option<[&[Vec3]; 2]> {
+        let Layout::Nodes { points, given } = self.field(name).layout else { self.lacks(name) };
+        let vectors = self.vectors(name);
+        given.then(|| vectors.split_at(vectors.len() - points).into())
     }
 
     /// The elements in the field of this name.
-    pub(crate) fn elements(&self, name: &str) -> Option<&ElementRows> {
-        match self.field(name) {
-            Some(Field::Elements(rows)) => Some(rows),
-            _ => None,
-        }
+    pub(crate) fn elements(&self, name: &str) -> ElementRows {
+        elements_of(self.values(name))
     }
 
-    /// The positions of nodes in the field of this name.
-    pub(crate) fn nodes(&self, name: &str) -> Option<&(Vec<Vec3>, Vec<Vec3>)> {
-        match self.field(name) {
-            Some(Field::Nodes(_, nodes)) => nodes.as_ref(),
-            _ => None,
-        }
-    }
-
-    fn field(&self, name: &str) -> Option<&Field> {
-        self.fields.iter().find(|(known, _)| *known == name).map(|(_, field)| field)
+    fn field(&self, name: &str) -> &Field {
+        self.fields.iter().find(|(known, _)| *known == name).map_or_else(|| self.lacks(name), |(_, field)| field)
     }
 
     fn lacks(&self, name: &str) -> ! {
-        panic!("section `{}` was declared without a field `{name}` of this kind", self.name)
+        panic!("section `{}` was declared without a field `{name}` of this kind", self.id.name)
     }
 }

@@ -1,12 +1,51 @@
 //! All forces at given positions and velocities, and their derivatives as the matrix of an implicit step.
 
 use crate::Vec3;
-use crate::block_matrix::{BlockMatrix, PartBlocks};
-use crate::effects::force::{BlockFactors, ForceContext, PartMotion, PartView};
+use crate::block_matrix::{BlockMatrix, PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, ForceContext, PartMotion, PartView};
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use crate::solve::implicit_velocity::PartForces;
+
+/// Where the blocks of elements are in the matrix: for each part and each of its forces the places of all elements that the force
+/// visits.
+#[derive(Debug)]
+pub(crate) struct ElementSlots(Vec<Vec<Vec<Slot>>>);
+
+impl ElementSlots {
+    /// Of each force of a part.
+    pub(crate) fn of_part(&self, part: usize) -> &[Vec<Slot>] {
+        &self.0[part]
+    }
+}
+
+/// A matrix of zeros for the elements of these forces, and where their blocks are in it.
+pub(crate) fn matrix_of(parts: &Parts, forces: &PartForces) -> (BlockMatrix, ElementSlots) {
+    let visit = |force: &dyn Force, visit: &mut dyn FnMut(&[u32])| {
+        force.linearised().into_iter().for_each(|force| force.visit_elements(visit));
+    };
+    let matrix = BlockMatrix::new(parts, &|part, each| forces[part].iter().for_each(|force| visit(&**force, each)));
+    let slots_of_force = |force: &dyn Force, rows: &PartBlocks| {
+        let mut slots = Vec::new();
+        visit(force, &mut |vertices| slots.extend(rows.slots(vertices)));
+        slots.shrink_to_fit();
+        slots
+    };
+    let of_part = |(forces, rows): (&Vec<Box<dyn Force>>, &PartBlocks)| {
+        forces.iter().map(|force| slots_of_force(&**force, rows)).collect()
+    };
+    let slots = forces.iter().zip(matrix.parts()).map(of_part).collect();
+    (matrix, ElementSlots(slots))
+}
+
+/// Where the blocks of a part's forces go, and what their derivatives are multiplied by.
+struct Assembly<'a> {
+    factors: BlockFactors,
+    /// Of each force.
+    slots: &'a [Vec<Slot>],
+    rows: &'a mut PartBlocks,
+}
 
 /// Where forces are evaluated.
 #[derive(Clone, Copy)]
@@ -37,29 +76,25 @@ impl ForceEvaluation<'_> {
         });
     }
 
-    /// The same, and the matrix `M + damping · D + stiffness · K` there.
+    /// The same, and the matrix `M + damping · D + stiffness · K` there; `matrix` and `slots` are those of [`matrix_of`].
     pub(crate) fn linearise(
         &self,
         forces: &mut PartForces,
         f: &mut [Vec3],
         factors: BlockFactors,
         matrix: &mut BlockMatrix,
+        slots: &ElementSlots,
     ) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
             if self.solved[part] {
-                self.of_part(part, &mut forces.0[0], f.0, Some((factors, &mut rows.0[0])));
+                let assembly = Assembly { factors, slots: slots.of_part(part), rows: &mut rows.0[0] };
+                self.of_part(part, &mut forces.0[0], f.0, Some(assembly));
             }
         });
     }
 
-    fn of_part(
-        &self,
-        part: usize,
-        forces: &mut [Box<dyn crate::effects::force::Force>],
-        out: &mut [Vec3],
-        assembly: Option<(BlockFactors, &mut PartBlocks)>,
-    ) {
+    fn of_part(&self, part: usize, forces: &mut [Box<dyn Force>], out: &mut [Vec3], assembly: Option<Assembly<'_>>) {
         let range = self.parts.ranges()[part].clone();
         let masses = &self.masses[range.clone()];
         let Self { x, fraction, around, .. } = *self;
@@ -69,10 +104,14 @@ impl ForceEvaluation<'_> {
         let f = &mut f[..range.len()];
         PartMotion::with(range, x, self.v, |motion| forces.iter().for_each(|force| force.add_damping(motion, f)));
         out.iter_mut().zip(&*f).for_each(|(out, f)| *out = Vec3::from(*f));
-        let Some((factors, rows)) = assembly else { return };
+        let Some(Assembly { factors, slots, rows }) = assembly else { return };
         rows.clear();
         masses.iter().enumerate().for_each(|(vertex, mass)| rows.add_scalar(vertex, *mass));
-        forces.iter().for_each(|force| force.add_blocks(&view, factors, rows));
+        for (force, slots) in forces.iter().zip(slots) {
+            if let Some(force) = force.linearised() {
+                force.add_blocks(&view, factors, slots, rows);
+            }
+        }
     }
 }
 

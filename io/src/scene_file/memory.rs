@@ -81,7 +81,7 @@ fn bytes_of_points(scene: &SceneFile, requests: &[EffectRequest]) -> Vec<f64> {
         |name: &str| !without.iter().any(|out| out == name) && (only.is_empty() || only.iter().any(|one| one == name));
     let bytes = |name: &str| {
         let spec = REGISTRY.iter().find(|spec| spec.name == name && runs(name));
-        spec.map_or(0.0, |spec| spec.bytes_of_point)
+        spec.map_or(0.0, |spec| spec.cost.bytes_of_point)
     };
     let of_bodies = if document.body.is_empty() { 0.0 } else { bytes(body_collision::SPEC.name) };
     let of_all = requests.iter().filter(|request| request.garment.is_none()).map(|request| bytes(&request.effect));

@@ -166,21 +166,16 @@ impl BodyCollision {
         self.pinched
     }
 
-    /// Whether there are deforming bodies to remember something of.
-    pub fn remembers(&self) -> bool {
-        self.surfaces > 0
-    }
-
     /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
     pub(crate) fn save(&self) -> Option<SavedSection> {
         let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
-        let field = Field::Vertices(self.surfaces, clearances);
-        self.remembers().then(|| SavedSection::new(SECTION).with("clearances", field))
+        let field = Field::vertices(self.surfaces, clearances);
+        (self.surfaces > 0).then(|| SavedSection::new(SECTION).with("clearances", field))
     }
 
     /// Goes on from what was remembered.
     pub(crate) fn restore(&mut self, memory: &SavedSection) {
-        for (memory, clearance) in self.memory.iter_mut().zip(memory.vertices("clearances")) {
+        for (memory, clearance) in self.memory.iter_mut().zip(memory.values("clearances")) {
             memory.clearance = *clearance;
         }
     }

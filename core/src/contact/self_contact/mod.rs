@@ -386,19 +386,19 @@ impl SelfContact {
     /// number and length of the steps it takes, and what crosses.
     pub(crate) fn save(&self) -> SavedSection {
         let (reference, nodes) = (self.proximity.reference(), self.surface.nodes());
-        let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
+        let list = reference.map(|x| [&x[nodes.own()], &x[nodes.cloth()..]]);
         let memory = SavedSection::new(SECTION)
-            .with("wear", Field::Number(self.displacement_rate))
-            .with("list_reach", Field::Number(self.proximity.full_skin()))
-            .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
+            .with("wear", Field::single(self.displacement_rate))
+            .with("list_reach", Field::single(self.proximity.full_skin()))
+            .with("list_positions", Field::nodes(nodes.count() - nodes.cloth(), list));
         let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
         memory
-            .with("steps", Field::Count(geometric.control.steps.into()))
-            .with("step_share", Field::Number(geometric.control.share))
-            .with("successes", Field::Count(geometric.control.successes.into()))
-            .with("crossings", Field::Numbers(5, crossings.collect()))
-            .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
+            .with("steps", Field::single(u64::from(geometric.control.steps)))
+            .with("step_share", Field::single(geometric.control.share))
+            .with("successes", Field::single(u64::from(geometric.control.successes)))
+            .with("crossings", Field::numbers(5, crossings.collect()))
+            .with("pinched", Field::numbers(1, geometric.pinched.clone()))
     }
 
     /// Goes on from what was remembered. All ranks call it together.
@@ -407,27 +407,27 @@ impl SelfContact {
     /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
     pub(crate) fn restore(&mut self, memory: &SavedSection) -> Result<(), SnapshotError> {
         self.check_memory(memory)?;
-        self.displacement_rate = memory.number("wear");
-        if let Some((cloth, bodies)) = memory.nodes("list_positions") {
+        self.displacement_rate = memory.single("wear");
+        if let Some([cloth, bodies]) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
             let start = &mut self.paths.start;
             *start = vec![Vec3::zeros(); nodes.count()];
             start[nodes.own()].copy_from_slice(cloth);
             start[nodes.cloth()..].copy_from_slice(bodies);
             nodes.update(start);
-            let reach = memory.number("list_reach");
+            let reach = memory.single("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.gap = self.gap_now();
             self.rebuild(reach);
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
-        let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
-        geometric.control.restore(count("steps"), memory.number("step_share"), count("successes"));
-        let rows = memory.numbers("crossings").as_chunks::<5>().0;
+        let count = |name| u32::try_from(memory.single::<u64>(name)).unwrap_or(u32::MAX);
+        geometric.control.restore(count("steps"), memory.single("step_share"), count("successes"));
+        let rows = memory.values("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
-        geometric.pinched = memory.numbers("pinched").to_vec();
+        geometric.pinched = memory.values("pinched").to_vec();
         Ok(())
     }
 
@@ -436,7 +436,7 @@ impl SelfContact {
         let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
         let of_geometric = |name| self.geometric.as_ref().map(|_| name);
         for name in ["wear", "list_reach"].into_iter().chain(of_geometric("step_share")) {
-            let number = memory.number(name);
+            let number: f64 = memory.single(name);
             if !(number >= 0.0 && number.is_finite()) {
                 return error(format!("`{name}` is {number}"));
             }
@@ -444,7 +444,7 @@ impl SelfContact {
         let nodes = self.surface.nodes();
         let all = nodes.global_cloth_count() as usize + nodes.count() - nodes.cloth();
         for name in ["crossings", "pinched"].into_iter().filter_map(of_geometric) {
-            if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
+            if let Some(number) = memory.values::<u32>(name).iter().find(|number| **number as usize >= all) {
                 return error(format!("`{name}` names node {number} of {all}"));
             }
         }

@@ -11,7 +11,7 @@ use super::Yield;
 use super::elements::{Element, Shape};
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMotion, PartView, Plastic};
 use crate::elements::corners;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
@@ -235,8 +235,6 @@ struct PartHinges {
     angles: Vec<f64>,
     /// At the last update, for each hinge of the part; zero where it is left out.
     gradients: Vec<Gradient>,
-    /// Where the blocks of each hinge of the part are in the matrix of the implicit step; empty in the others.
-    slots: Vec<[Slot; 6]>,
     /// For each hinge, where folds stay; empty where they do not.
     folds: Vec<Fold>,
     /// Hinges that were left out, and that yielded, since they were last asked for.
@@ -409,29 +407,6 @@ impl Force for PartHinges {
         }
     }
 
-    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.hinges[..self.gradients.len()].iter().for_each(|hinge| visit(&hinge.vertices));
-    }
-
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        self.slots = self.hinges[..self.gradients.len()].iter().map(|hinge| rows.slots(&hinge.vertices)).collect();
-    }
-
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        let laws = self.moments.iter().zip(&self.damping);
-        for ((gradient, slots), (moments, damping)) in self.gradients.iter().zip(&self.slots).zip(laws) {
-            // Moments of neighbouring angles would couple vertices two edges away; the sum of their sizes on the diagonal is
-            // never less (Gershgorin), and an element keeps to its four vertices. How the gradient turns is left out: it has
-            // either sign.
-            let scale = factors.stiffness * moments.size() + factors.damping * damping;
-            rows.add_outer(slots, &gradient.at_vertices(scale.sqrt()));
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         let own_v = &motion.own_v[..f.len()];
         for ((corners, gradient), damping) in self.inside.iter().zip(&self.gradients).zip(&self.damping) {
@@ -467,6 +442,38 @@ impl Force for PartHinges {
         }
     }
 
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+
+    fn plastic(&self) -> Option<&dyn Plastic> {
+        Some(self)
+    }
+
+    fn plastic_mut(&mut self) -> Option<&mut dyn Plastic> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartHinges {
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.hinges[..self.gradients.len()].iter().for_each(|hinge| visit(&hinge.vertices));
+    }
+
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
+        let laws = self.moments.iter().zip(&self.damping);
+        let slots = slots.as_chunks::<6>().0;
+        for ((gradient, slots), (moments, damping)) in self.gradients.iter().zip(slots).zip(laws) {
+            // Moments of neighbouring angles would couple vertices two edges away; the sum of their sizes on the diagonal is
+            // never less (Gershgorin), and an element keeps to its four vertices. How the gradient turns is left out: it has
+            // either sign.
+            let scale = factors.stiffness * moments.size() + factors.damping * damping;
+            rows.add_outer(slots, &gradient.at_vertices(scale.sqrt()));
+        }
+    }
+}
+
+impl Plastic for PartHinges {
     fn update_plasticity(&mut self, x: &[Vec3]) {
         for n in 0..self.folds.len() {
             let (hinge, fold) = (&mut self.hinges[n], &mut self.folds[n]);
@@ -485,16 +492,14 @@ impl Force for PartHinges {
 
     fn save_elements(&self, rows: &mut ElementRows) {
         for (n, fold) in self.folds.iter().enumerate().filter(|(n, fold)| fold.has_yielded && self.counts(*n)) {
-            rows.push(&self.hinges[n].vertices, &[self.hinges[n].rest_angle, fold.yield_angle]);
+            rows.insert(self.hinges[n].vertices, [self.hinges[n].rest_angle, fold.yield_angle]);
         }
     }
 
     fn restore_elements(&mut self, rows: &ElementRows) {
-        let mut known: Vec<(Vec<u32>, &[f64])> = rows.iter().collect();
-        known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
         for (hinge, fold) in self.hinges.iter_mut().zip(&mut self.folds) {
-            if let Ok(row) = known.binary_search_by(|(vertices, _)| vertices[..].cmp(&hinge.vertices)) {
-                (hinge.rest_angle, fold.yield_angle) = (known[row].1[0], known[row].1[1]);
+            if let Some([rest_angle, yield_angle]) = rows.get(&hinge.vertices) {
+                (hinge.rest_angle, fold.yield_angle) = (*rest_angle, *yield_angle);
                 fold.has_yielded = true;
             }
         }

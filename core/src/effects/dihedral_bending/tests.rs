@@ -241,7 +241,7 @@ fn a_squashed_triangle_is_left_out_and_counted() {
     }
 }
 
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 #[test]
 fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     // Two triangles of height h = 1 cm, which yield at h over the radius of 2 cm: at 0.5 rad.
@@ -253,9 +253,9 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     let moved = x.iter().position(|p| p.z > 0.0).expect("a vertex there");
     let folded = |angle: f64| Vec3::new(0.005, 0.01 * angle.sin(), 0.01 * angle.cos());
     let state = |forces: &[PartForce]| -> Vec<Vec<f64>> {
-        let mut rows = ElementRows::new(4, 2);
-        forces.iter().for_each(|(_, force)| force.save_elements(&mut rows));
-        rows.iter().map(|(_, values)| values.to_vec()).collect()
+        let mut rows = ElementRows::new();
+        forces.iter().filter_map(|(_, force)| force.plastic()).for_each(|force| force.save_elements(&mut rows));
+        rows.values().map(|values| values.to_vec()).collect()
     };
     // (fold, rest angle, yield angle) after each: elastic; 0.3 beyond; elastic again; the other way; as far as it goes.
     let cases: [(f64, Option<[f64; 2]>); 5] = [
@@ -267,7 +267,7 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     ];
     for (fold, expected) in cases {
         x[moved] = folded(fold);
-        forces.iter_mut().for_each(|(_, force)| force.update_plasticity(&x));
+        forces.iter_mut().filter_map(|(_, force)| force.plastic_mut()).for_each(|force| force.update_plasticity(&x));
         let rows = state(&forces);
         assert_eq!(rows.len(), usize::from(expected.is_some()), "folded by {fold}");
         for (found, expected) in rows.iter().flatten().zip(expected.iter().flatten()) {
@@ -277,7 +277,7 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
 }
 
 /// Pairs of triangles of height 1 cm, far apart, each with its own values of some maps, and what yields is 2 cm and so on.
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 fn painted_pairs(maps: &[(&str, [f64; 3])]) -> Scene {
     let pair = [Vec3::zeros(), Vec3::x(), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
     let points = (0..3).flat_map(|n| pair.map(|p| p * 0.01 + Vec3::x() * f64::from(n))).collect();
@@ -297,7 +297,7 @@ fn painted_pairs(maps: &[(&str, [f64; 3])]) -> Scene {
     Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-#[cfg(feature = "effect-plastic_wrinkles")]
+#[cfg(feature = "effects")]
 #[test]
 fn folds_yield_harden_and_end_as_is_painted_on_them() {
     // Rest angle and yield angle of each pair after a fold of 0.8 rad; `None` where nothing stays.
@@ -306,11 +306,11 @@ fn folds_yield_harden_and_end_as_is_painted_on_them() {
         let mut forces = forces(&scene);
         let mut x = start(&scene);
         x.iter_mut().filter(|x| x.z > 0.0).for_each(|x| (x.y, x.z) = (0.01 * 0.8_f64.sin(), 0.01 * 0.8_f64.cos()));
-        forces.iter_mut().for_each(|(_, force)| force.update_plasticity(&x));
-        let mut rows = ElementRows::new(4, 2);
-        forces.iter().for_each(|(_, force)| force.save_elements(&mut rows));
+        forces.iter_mut().filter_map(|(_, force)| force.plastic_mut()).for_each(|force| force.update_plasticity(&x));
+        let mut rows = ElementRows::new();
+        forces.iter().filter_map(|(_, force)| force.plastic()).for_each(|force| force.save_elements(&mut rows));
         let mut found = [None; 3];
-        for (vertices, values) in rows.iter() {
+        for (vertices, values) in &rows {
             found[start(&scene)[vertices[0] as usize].x.round() as usize] = Some([values[0].abs(), values[1]]);
         }
         found

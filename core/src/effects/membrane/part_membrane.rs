@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMotion, PartView, Strained};
 use crate::effects::membrane::TriangleElement;
 use crate::effects::membrane::element::{Blocks, Frame, Gradients, Law, largest_stiffness, rest_edges};
 use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
@@ -34,8 +34,6 @@ struct PartMembrane {
     neighbours: Vec<u32>,
     /// Largest sum of the lengths of a triangle's gradients [1/m].
     thinnest: f64,
-    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
-    slots: Vec<[Slot; 3]>,
 }
 
 /// Sorts the triangles into this rank's parts.
@@ -60,8 +58,8 @@ pub(super) fn build(scene: &Scene, elements: &[TriangleElement], law: Law) -> (V
         let length = |triangle: &Triangle| triangle.gradients.map(|g| g[0].hypot(g[1])).iter().sum::<f64>();
         let thinnest = triangles.iter().map(length).fold(0.0, f64::max);
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
-        let (start, slots) = (range.start, Vec::new());
-        built.push((group[0].0, Box::new(PartMembrane { start, law, triangles, neighbours, thinnest, slots })));
+        let start = range.start;
+        built.push((group[0].0, Box::new(PartMembrane { start, law, triangles, neighbours, thinnest })));
     }
     (built, bytes)
 }
@@ -96,29 +94,6 @@ impl Force for PartMembrane {
         }
     }
 
-    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
-    }
-
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        self.slots = self.triangles.iter().map(|triangle| rows.slots(&triangle.corners)).collect();
-    }
-
-    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for (triangle, slots) in self.triangles.iter().zip(&self.slots) {
-            let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
-            let blocks = Blocks::new(&frame, &triangle.gradients, strain, &self.law);
-            let tension = factors.stiffness * triangle.weight;
-            let elastic = tension + factors.damping * triangle.damping;
-            let couplings = blocks.couplings(&self.law.moduli, elastic, tension);
-            slots.iter().zip(&couplings).for_each(|(slot, coupling)| rows.add_coupling(*slot, coupling));
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for triangle in &self.triangles {
             let [a, b, c] = gather(self.start, triangle.corners, motion.own_v, motion.v);
@@ -141,6 +116,42 @@ impl Force for PartMembrane {
         }
     }
 
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let own = view.start..view.start + view.masses.len();
+        let energy = |triangle: &Triangle| {
+            let (_, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
+            self.law.energy(strain) * triangle.weight * own_fraction(&own, triangle.corners)
+        };
+        self.triangles.iter().map(energy).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+
+    fn strained(&self) -> Option<&dyn Strained> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartMembrane {
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
+        for (triangle, slots) in self.triangles.iter().zip(slots.as_chunks::<3>().0) {
+            let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
+            let blocks = Blocks::new(&frame, &triangle.gradients, strain, &self.law);
+            let tension = factors.stiffness * triangle.weight;
+            let elastic = tension + factors.damping * triangle.damping;
+            let couplings = blocks.couplings(&self.law.moduli, elastic, tension);
+            slots.iter().zip(&couplings).for_each(|(slot, coupling)| rows.add_coupling(*slot, coupling));
+        }
+    }
+}
+
+impl Strained for PartMembrane {
     fn strain_rate_bound(&self, part: Range<usize>, v: &[Vec3]) -> f64 {
         // Two corners differ by no more than twice what any vertex differs from the first; a stretch changes by no more than
         // √2 times what the deformation gradient does.
@@ -158,15 +169,6 @@ impl Force for PartMembrane {
             fastest(frame.rates(&triangle.gradients, [b - a, c - a]))
         };
         self.triangles.iter().map(rate).fold(0.0, f64::max)
-    }
-
-    fn energy(&self, view: &PartView<'_>) -> f64 {
-        let own = view.start..view.start + view.masses.len();
-        let energy = |triangle: &Triangle| {
-            let (_, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
-            self.law.energy(strain) * triangle.weight * own_fraction(&own, triangle.corners)
-        };
-        self.triangles.iter().map(energy).sum()
     }
 
     fn largest_strain(&self, x: &[Vec3]) -> Option<(f64, [usize; 2])> {

@@ -8,7 +8,7 @@
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMotion, PartView, Strained};
 use crate::effects::springs::SpringNetwork;
 use crate::effects::tensile_curve::TensileCurve;
 use crate::parallel::parts::PART_SIZE;
@@ -61,8 +61,6 @@ struct PartSprings {
     damping: Vec<f64>,
     /// c / l² at the last update [N s/m³]; zero where the ends coincided.
     scaled_damping: Vec<f64>,
-    /// Ends of each spring, local vertices, and where its block is in the matrix of the implicit step; empty in the others.
-    blocks: Vec<([u32; 2], Slot)>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
     /// How all of them stiffen as they are pulled, by their stiffness at rest; `None` where they do not.
@@ -325,15 +323,11 @@ struct SpanBlocks {
 }
 
 impl SpanBlocks {
-    /// Takes up to [`SPAN`] springs. Behind them the last ones stay, which nobody asks for.
-    fn take(&mut self, blocks: &[([u32; 2], Slot)], stiffness: &[f64], rest: &[f64], damping: &[f64], x: &[Vec3]) {
-        for (n, ([i, j], _)) in blocks[..blocks.len().min(SPAN)].iter().enumerate() {
-            let apart = x[*j as usize] - x[*i as usize];
-            (0..3).for_each(|axis| self.apart[axis][n] = apart[axis]);
-        }
-        self.stiffness[..stiffness.len()].copy_from_slice(stiffness);
-        self.rest_length[..rest.len()].copy_from_slice(rest);
-        self.damping[..damping.len()].copy_from_slice(damping);
+    /// Takes a spring, whose ends are `apart` [m], in the place `n`. Behind the last one others stay, which nobody asks for.
+    #[inline]
+    fn take(&mut self, n: usize, apart: &Vec3, [stiffness, rest_length, damping]: [f64; 3]) {
+        (0..3).for_each(|axis| self.apart[axis][n] = apart[axis]);
+        (self.stiffness[n], self.rest_length[n], self.damping[n]) = (stiffness, rest_length, damping);
     }
 
     /// Turns them into what linear springs bring; several share the time of a root and a division.
@@ -360,6 +354,14 @@ impl SpanBlocks {
                 self.across[n] *= curve.factor(strain);
                 self.along[n] += factors.stiffness * self.stiffness[n] * curve.rise(strain);
             }
+        }
+    }
+
+    /// Adds the first of them to the blocks at these places.
+    fn add(&self, slots: &[Slot], rows: &mut PartBlocks) {
+        for (n, slot) in slots.iter().enumerate() {
+            let direction = Vec3::from(std::array::from_fn(|axis| self.apart[axis][n]));
+            rows.add_spring(*slot, &direction, self.along[n], self.across[n]);
         }
     }
 }
@@ -453,35 +455,6 @@ impl Force for PartSprings {
         self.scaled_damping = scaled;
     }
 
-    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.ends().for_each(|(i, j, ..)| visit(&[i as u32, j as u32]));
-    }
-
-    fn find_blocks(&mut self, rows: &PartBlocks) {
-        let ends = self.ends().map(|(i, j, ..)| [i as u32, j as u32]);
-        self.blocks = ends.map(|[i, j]| ([i, j], rows.slot(i, j))).collect();
-    }
-
-    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        let constants = self.stiffness.chunks(SPAN).zip(self.rest_length.chunks(SPAN)).zip(self.damping.chunks(SPAN));
-        let mut span = SpanBlocks::default();
-        for (blocks, ((stiffness, rest_length), damping)) in self.blocks.chunks(SPAN).zip(constants) {
-            span.take(blocks, stiffness, rest_length, damping, view.x);
-            span.find(factors);
-            if let Some(curve) = &self.curve {
-                span.stiffen(curve, factors);
-            }
-            for (n, (_, slot)) in blocks.iter().enumerate() {
-                let direction = Vec3::from(std::array::from_fn(|axis| span.apart[axis][n]));
-                rows.add_spring(*slot, &direction, span.along[n], span.across[n]);
-            }
-        }
-    }
-
-    fn has_blocks(&self) -> bool {
-        true
-    }
-
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         let (x, v) = (motion.own_x, motion.own_v);
         for (length, rows) in self.row_groups() {
@@ -512,6 +485,48 @@ impl Force for PartSprings {
         }
     }
 
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let energy = |(i, j, s, across): (usize, usize, usize, bool)| {
+            let (k, rest) = (self.stiffness[s], self.rest_length[s]);
+            let stretch = (view.x[j] - view.x[i]).norm() - rest;
+            let stiffened = self.curve.as_ref().map_or(0.0, |curve| curve.extra_energy(stretch / rest) * rest * rest);
+            (0.5 * k * stretch * stretch + k * stiffened) * if across { 0.5 } else { 1.0 }
+        };
+        self.ends().map(energy).sum()
+    }
+
+    fn linearised(&self) -> Option<&dyn Linearised> {
+        Some(self)
+    }
+
+    fn strained(&self) -> Option<&dyn Strained> {
+        Some(self)
+    }
+}
+
+impl Linearised for PartSprings {
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.ends().for_each(|(i, j, ..)| visit(&[i as u32, j as u32]));
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks) {
+        let mut span = SpanBlocks::default();
+        self.ends().for_each(|(i, j, s, _)| {
+            let n = s % SPAN;
+            let constants = [self.stiffness[s], self.rest_length[s], self.damping[s]];
+            span.take(n, &(view.x[j] - view.x[i]), constants);
+            if n + 1 == SPAN || s + 1 == slots.len() {
+                span.find(factors);
+                if let Some(curve) = &self.curve {
+                    span.stiffen(curve, factors);
+                }
+                span.add(&slots[s - n..=s], rows);
+            }
+        });
+    }
+}
+
+impl Strained for PartSprings {
     fn strain_rate_bound(&self, part: std::ops::Range<usize>, v: &[Vec3]) -> f64 {
         // Two ends differ by no more than twice what any vertex differs from the first.
         let reference = Simd4::from(&v[self.start]);
@@ -544,16 +559,6 @@ impl Force for PartSprings {
             }
         }
         (fastest.squared / fastest.over).sqrt()
-    }
-
-    fn energy(&self, view: &PartView<'_>) -> f64 {
-        let energy = |(i, j, s, across): (usize, usize, usize, bool)| {
-            let (k, rest) = (self.stiffness[s], self.rest_length[s]);
-            let stretch = (view.x[j] - view.x[i]).norm() - rest;
-            let stiffened = self.curve.as_ref().map_or(0.0, |curve| curve.extra_energy(stretch / rest) * rest * rest);
-            (0.5 * k * stretch * stretch + k * stiffened) * if across { 0.5 } else { 1.0 }
-        };
-        self.ends().map(energy).sum()
     }
 
     fn largest_strain(&self, x: &[Vec3]) -> Option<(f64, [usize; 2])> {

@@ -21,13 +21,13 @@ use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
 use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
 use crate::scene::vertex_maps::PaintedMap;
-use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription};
+use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, Scene, SceneDescription};
 use crate::setup::distribute::bisection;
 use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
 use crate::setup::distribute::even_blocks::{BlockOfMesh, MeshSize};
 use crate::setup::distribute::one_ring::{Triangle, grow, one_ring, owner};
 use crate::setup::distribute::submesh::{
-    AssignedPartition, Held, Received, SubMesh, VertexNumbers, assemble, forget_vertices, halo_width, pins_of,
+    AssignedPartition, Held, SubMesh, VertexNumbers, assemble, forget_vertices, halo_width, pins_of,
 };
 use crate::setup::mesh_checks::coincident;
 use crate::setup::mesh_checks::coincident::Apart;
@@ -134,8 +134,8 @@ impl SceneScatter {
         Self { description, partition, assignment, starts, blocks, points_of, columns, pins, pairs }
     }
 
-    /// What this rank gets of the scene, which has no problems so far. All ranks call it together.
-    pub(crate) fn finish(mut self, ranks: &Ranks) -> Received {
+    /// What this rank gets of the scene, as [`assemble`] leaves it; there are no problems so far. All ranks call it together.
+    pub(crate) fn finish(mut self, ranks: &Ranks) -> Scene {
         let mut owns = Vec::new();
         let mut places = Vec::new();
         for g in 0..self.blocks.len() {
@@ -168,8 +168,7 @@ impl SceneScatter {
         let merged_vertices = ranks.is_first().then_some(held.merged_vertices);
         held.merged_vertices = ranks.broadcast_encoded("vertices that follow others", merged_vertices);
         let assigned = AssignedPartition { partition: self.partition, assignment: self.assignment };
-        let received = assemble(ranks, self.description, assigned, pieces, held);
-        Received { warnings, ..received }
+        Scene { warnings, ..assemble(ranks, self.description, assigned, pieces, held) }
     }
 
     /// Own vertices of the scene.

@@ -18,7 +18,7 @@ use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
 use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
-use crate::scene::vertex_maps::{PaintedMap, PaintedMaps};
+use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
 use crate::setup::distribute::one_ring::Triangle;
 
@@ -138,24 +138,6 @@ fn painted(map: &PaintedMap, vertices: &[u32]) -> Vec<f64> {
     vertices.iter().map(|v| map.values[*v as usize]).collect()
 }
 
-/// What all ranks know of a scene, and this rank's pieces.
-pub(crate) struct Received {
-    pub(crate) description: SceneDescription,
-    pub(crate) parts: Parts,
-    pub(crate) meshes: Vec<TriangleMesh>,
-    /// Positions at the start over local vertices, where some garment does not start in its rest shape [m].
-    pub(crate) start: Option<Vec<Vec3>>,
-    /// Velocities at the start over local vertices, where some garment's differ [m/s].
-    pub(crate) velocities: Option<Vec<Vec3>>,
-    pub(crate) pinned: Vec<Pinned>,
-    pub(crate) pin_targets: usize,
-    pub(crate) sewn: Vec<Sewn>,
-    pub(crate) merged_vertices: Vec<MergedVertex>,
-    /// What was left out of the garments; on rank 0.
-    pub(crate) warnings: Vec<String>,
-    pub(crate) painted: Vec<PaintedMaps>,
-}
-
 /// What is held or sewn of a rank's vertices, by numbers of the scene.
 pub(crate) struct Held {
     pub(crate) pinned: Vec<Pinned>,
@@ -173,14 +155,14 @@ pub(crate) struct AssignedPartition {
 
 codec!(struct Held { pinned, pin_targets, sewn, merged_vertices });
 
-/// Builds what a rank keeps from its pieces.
+/// Builds what a rank keeps from its pieces; masses and all else that follows from them is not there yet.
 pub(crate) fn assemble(
     ranks: &Ranks,
     description: SceneDescription,
     AssignedPartition { partition, assignment }: AssignedPartition,
     mut pieces: Vec<SubMesh>,
     Held { mut pinned, pin_targets, sewn, merged_vertices }: Held,
-) -> Received {
+) -> Scene {
     let starts = partition.starts();
     let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
     let vertices = || pieces.iter().flat_map(|piece| &piece.vertices);
@@ -219,25 +201,27 @@ pub(crate) fn assemble(
     });
     let painted = painted.collect();
     let meshes = pieces.into_iter().map(SubMesh::mesh).collect();
-    let warnings = Vec::new();
-    Received {
+    Scene {
         description,
-        parts,
         meshes,
+        parts,
+        masses: Vec::new(),
+        mean_edge: 0.0,
         start,
         velocities,
         pinned,
         pin_targets,
         sewn,
+        isolated: None,
         merged_vertices,
-        warnings,
+        warnings: Vec::new(),
         painted,
     }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
-/// of the start any more.
-pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
+/// of the start any more, and what follows from the pieces is not there yet.
+pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Scene {
     let (parts, ranks) = (&scene.parts, scene.parts.ranks());
     let partition = parts.partition().clone();
     let now = |rank: usize| parts.rank_starts()[rank]..parts.rank_starts()[rank + 1];
@@ -278,8 +262,7 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     sewn.dedup_by_key(|pair| pair.number);
     let held = Held { pinned, pin_targets: scene.pin_targets, sewn, merged_vertices: scene.merged_vertices.clone() };
     let assigned = AssignedPartition { partition, assignment };
-    let received = assemble(ranks, scene.description.clone(), assigned, pieces, held);
-    Received { warnings: scene.warnings.clone(), ..received }
+    Scene { warnings: scene.warnings.clone(), ..assemble(ranks, scene.description.clone(), assigned, pieces, held) }
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.

@@ -26,7 +26,7 @@ use crate::scene::{
 };
 use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
-use crate::setup::distribute::submesh::{self, Received};
+use crate::setup::distribute::submesh;
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
 use unused::check_unused;
 
@@ -48,7 +48,7 @@ impl Scene {
         let mut problems = description.as_ref().map_or_else(Vec::new, check_description);
         let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
-        let mut scene = Self::derive(handed.finish(ranks));
+        let mut scene = handed.finish(ranks).derive();
         agree(ranks, check_isolated(&scene.description, &scene.parts, &scene.sewn, scene.isolated()))?;
         scene.settle_origin();
         Ok(scene)
@@ -57,43 +57,17 @@ impl Scene {
     /// The scene with another assignment of the parts to the ranks (first part of every rank, and the number of all). All ranks
     /// call it together.
     pub(crate) fn reassigned(&self, assignment: Vec<usize>) -> Self {
-        Self::derive(submesh::migrate(self, assignment))
+        submesh::migrate(self, assignment).derive()
     }
 
-    /// What follows from a rank's pieces.
-    fn derive(received: Received) -> Self {
-        let Received {
-            description,
-            parts,
-            meshes,
-            start,
-            velocities,
-            pinned,
-            pin_targets,
-            sewn,
-            merged_vertices,
-            warnings,
-            painted,
-        } = received;
-        let isolated = isolated(&parts, &meshes);
-        let masses = masses(&description, &parts, &meshes, &painted, isolated.as_deref());
-        let mean_edge = mean_edge(&parts, &meshes);
-        Self {
-            description,
-            meshes,
-            parts,
-            masses,
-            mean_edge,
-            start,
-            velocities,
-            pinned,
-            pin_targets,
-            sewn,
-            isolated,
-            merged_vertices,
-            warnings,
-            painted,
-        }
+    /// Adds what follows from a rank's pieces.
+    fn derive(mut self) -> Self {
+        let Self { description, parts, meshes, painted, .. } = &self;
+        let isolated = isolated(parts, meshes);
+        let masses = masses(description, parts, meshes, painted, isolated.as_deref());
+        self.mean_edge = mean_edge(parts, meshes);
+        (self.masses, self.isolated) = (masses, isolated);
+        self
     }
 }
 

@@ -31,23 +31,18 @@ fn direction(count: usize) -> Vec<Vec3> {
 }
 
 /// The forces of a scene, and their matrix with room for all elements.
-fn forces(scene: &Scene) -> (PartForces, BlockMatrix) {
+fn forces(scene: &Scene) -> (PartForces, BlockMatrix, ElementSlots) {
     let mut forces: PartForces = (0..scene.parts().count()).map(|_| Vec::new()).collect();
     for (part, force) in build_all(scene).unwrap_or_else(|p| panic!("{p}")).into_iter().flat_map(|(_, e)| e.forces) {
         forces[part].push(force);
     }
-    let matrix = BlockMatrix::new(scene.parts(), &|part, visit| {
-        forces[part].iter().for_each(|force| force.visit_elements(visit));
-    });
-    for (forces, rows) in forces.iter_mut().zip(matrix.parts()) {
-        forces.iter_mut().for_each(|force| force.find_blocks(rows));
-    }
-    (forces, matrix)
+    let (matrix, slots) = matrix_of(scene.parts(), &forces);
+    (forces, matrix, slots)
 }
 
 /// What the matrix, without masses, makes of the direction `s`, and minus how the force changes along it, at `x` with `v`.
 fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [Vec<Vec3>; 2] {
-    let (mut forces, mut matrix) = forces(scene);
+    let (mut forces, mut matrix, slots) = forces(scene);
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let mut force = |x: &[Vec3], v_at: &[Vec3], matrix: Option<&mut BlockMatrix>| {
         let around = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
@@ -55,7 +50,7 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
         let at = ForceEvaluation { parts, masses, solved, x, v: v_at, fraction: 0.0, around };
         let mut f = vec![Vec3::zeros(); x.len()];
         match matrix {
-            Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix),
+            Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix, &slots),
             None => at.forces(&mut forces, &mut f),
         }
         f
@@ -141,7 +136,7 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
     let weft = |effect: EffectRequest| effect.with("weft", 90.0);
     for effect in stiffening("stretch", "stiffness").into_iter().chain(stiffening("membrane", "warp").map(weft)) {
         let scene = scene(&[effect]);
-        let (mut forces, _) = forces(&scene);
+        let (mut forces, ..) = forces(&scene);
         let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
         let (x, s) = (stretched(&scene), direction(N * N));
         let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
@@ -150,12 +145,11 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         ForceEvaluation { parts, masses, solved, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
-            let of_part =
-                |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn crate::effects::force::Force>>)| -> f64 {
-                    let masses = &masses[range.clone()];
-                    let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
-                    forces.iter().map(|force| force.energy(&view)).sum()
-                };
+            let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn Force>>)| -> f64 {
+                let masses = &masses[range.clone()];
+                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
+                forces.iter().map(|force| force.energy(&view)).sum()
+            };
             parts.ranges().iter().zip(&forces).map(of_part).sum()
         };
         let slope = (energy(1e-7) - energy(-1e-7)) / 2e-7;

@@ -5,6 +5,7 @@ use crate::block_matrix::BlockMatrix;
 use crate::contact::repulsion::pair_forces::PairForce;
 use crate::long_steps::SETTLED_PAIR;
 use crate::parallel::parts::Parts;
+use crate::solve::force_evaluation::{ElementSlots, matrix_of};
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
 use crate::step::StepReport;
@@ -13,6 +14,7 @@ use crate::step::StepReport;
 #[derive(Debug)]
 pub(crate) struct StageArrays {
     pub(super) matrix: BlockMatrix,
+    pub(super) slots: ElementSlots,
     pub(super) cg: PreconditionedCg,
     /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
     pub(super) v_start: Vec<Vec3>,
@@ -50,17 +52,13 @@ impl StageArrays {
     }
 
     /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
-    pub(crate) fn new(parts: &Parts, forces: &mut PartForces) -> Self {
-        let matrix = BlockMatrix::new(parts, &|part, visit| {
-            forces[part].iter().for_each(|force| force.visit_elements(visit));
-        });
-        for (forces, rows) in forces.iter_mut().zip(matrix.parts()) {
-            forces.iter_mut().for_each(|force| force.find_blocks(rows));
-        }
+    pub(crate) fn new(parts: &Parts, forces: &PartForces) -> Self {
+        let (matrix, slots) = matrix_of(parts, forces);
         let cg = PreconditionedCg::new(parts, &matrix);
         let (local, own) = (vec![Vec3::zeros(); parts.local_count()], vec![Vec3::zeros(); parts.own().len()]);
         Self {
             matrix,
+            slots,
             cg,
             v_start: local.clone(),
             x: local.clone(),

@@ -87,14 +87,14 @@ impl Stages<'_> {
     /// The forces on the parts that are worked on, at the stage, and, `with_matrix`, the matrix there.
     pub(super) fn evaluate(&mut self, fraction: f64, with_matrix: bool) {
         let (dt, alpha) = (self.at.dt, ALPHA * self.at.dt);
-        let StageArrays { matrix, x, v, f, unconverged: solved, .. } = &mut *self.arrays;
+        let StageArrays { matrix, slots, x, v, f, unconverged: solved, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
         let around = ForceContext { time: self.at.start.time + fraction * dt, targets, v, wind, volumes };
         let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, solved, x, v, fraction, around };
         if with_matrix {
             let factors = BlockFactors { damping: alpha, stiffness: alpha * alpha };
-            at.linearise(self.forces, f, factors, matrix);
+            at.linearise(self.forces, f, factors, matrix, slots);
         } else {
             at.forces(self.forces, f);
         }
