@@ -72,12 +72,12 @@ impl Volumes {
 }
 
 /// Volume between the triangles of a part's range and the origin [m³].
-pub(crate) fn volume_of(corners: &[[u32; 3]], counts: impl Fn(&[u32; 3]) -> bool, x: &[Vec3]) -> f64 {
+pub fn volume_of(corners: &[[u32; 3]], counts: impl Fn(&[u32; 3]) -> bool, x: &[Vec3]) -> f64 {
     corners.iter().filter(|c| counts(c)).map(|c| beneath(&at_corners(c, x))).sum::<f64>() / 6.0
 }
 
 /// Own vertices of a garment as numbers in its mesh.
-pub(crate) fn own_in_mesh(parts: &Parts, garment: usize) -> Range<u32> {
+pub fn own_in_mesh(parts: &Parts, garment: usize) -> Range<u32> {
     let (all, own) = (parts.garment(garment), parts.own_of_garment(garment));
     (own.start - all.start) as u32..(own.end - all.start) as u32
 }

@@ -6,10 +6,11 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use drapery_core::Vec3;
+use drapery_core::effects::self_repulsion;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{Integrator, Scene, SceneDescription};
+use drapery_core::scene::{Integrator, RepulsionPlace, Scene, SceneDescription, SolverSettings};
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_shot::quality::LIMITS;
@@ -299,6 +300,22 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// A scene with an integrator; keys that this one does not read, and would refuse, have their defaults.
+fn with_integrator(scene: &SceneDescription, integrator: Integrator) -> SceneDescription {
+    let (mut description, usual) = (scene.clone(), SolverSettings::default());
+    description.solver.integrator = integrator;
+    match integrator.spec().is_implicit {
+        true => description.solver.cfl = usual.cfl,
+        false => description.solver.steps_per_frame = usual.steps_per_frame,
+    }
+    if integrator.spec().repulsion == RepulsionPlace::Solves {
+        let repulsion = description.effects.iter_mut().filter(|request| request.effect == self_repulsion::SPEC.name);
+        repulsion
+            .for_each(|request| request.settings.retain(|key, _| !self_repulsion::OF_IMPULSES.contains(&key.as_str())));
+    }
+    description
+}
+
 fn one_rank(
     trial: &Trial<'_>,
     integrator: Integrator,
@@ -308,11 +325,7 @@ fn one_rank(
     let ranks = Ranks::new(communicator);
     let first = || ranks.is_first();
     let start = trial.description.timeline.start;
-    let description = || {
-        let mut description = trial.description.clone();
-        description.solver.integrator = integrator;
-        description
-    };
+    let description = || with_integrator(&trial.description, integrator);
     let scene = Scene::distribute(&ranks, first().then(description)).map_err(|e| format!("refused: {e}"))?;
     let input = |scene: &Scene, frame: i64| scene.share_input(first().then(|| (trial.input)(frame)));
     let at_start = input(&scene, start);

@@ -94,7 +94,7 @@ impl PartBlocks {
     }
 
     /// Adds a symmetric block to D of a vertex of the part, counted from its first. Units are those of A.
-    pub(crate) fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
+    pub fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
         let sums = &mut self.diagonal[6 * vertex..6 * vertex + 6];
         sums.iter_mut().zip(stored_symmetric(block)).for_each(|(sum, value)| *sum += value);
     }
@@ -118,7 +118,7 @@ impl PartBlocks {
 
     /// Adds to B_ab, and thereby to B_ba. Once for each part that has the pair.
     #[inline]
-    pub(crate) fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
+    pub fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
         let sums = self.block(slot);
         if slot.is_transposed() {
             add(sums, |row, column| block[(column, row)]);

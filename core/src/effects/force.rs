@@ -8,7 +8,7 @@ use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::{PartSimd4, Simd4};
 use crate::pins::PinTargets;
-use crate::snapshot::saved_section::ElementRows;
+use crate::snapshot::elements::ElementRows;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 

@@ -30,7 +30,8 @@ pub mod strain_limit;
 pub mod stretch;
 pub mod wind;
 
-pub use crate::snapshot::saved_section::{ElementRows, SectionId};
+pub use crate::snapshot::elements::ElementRows;
+pub use crate::snapshot::saved_section::SectionId;
 pub use force::{
     BlockFactors, FilterStep, Force, ForceContext, Linearised, PartForce, PartMotion, PartView, Plastic, Purpose,
     Strained, VelocityFilter,

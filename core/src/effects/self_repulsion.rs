@@ -99,7 +99,7 @@ friction = 0.5",
 };
 
 /// Keys of the impulses, which act where the integrator does not have repulsion in its solves.
-const OF_IMPULSES: [&str; 2] = ["stiffness", "limit"];
+pub const OF_IMPULSES: [&str; 2] = ["stiffness", "limit"];
 
 /// Refuses keys of the impulses that differ from their defaults where nothing reads them.
 fn check_unused(settings: &Settings, context: &BuildContext<'_>) -> Result<(), Problem> {

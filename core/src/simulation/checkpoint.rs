@@ -6,7 +6,9 @@ use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::error::Problems;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers, renumbered};
+use crate::snapshot::elements::{ElementRows, renumbered};
+use crate::snapshot::rows::TargetNumbers;
+use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
 

@@ -9,7 +9,7 @@ use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};
 use crate::scene::{Pinned, Scene};
 use crate::snapshot::SnapshotError;
-use crate::snapshot::saved_section::OwnTarget;
+use crate::snapshot::rows::OwnTarget;
 use crate::state::State;
 
 /// Frames that are looked at together.

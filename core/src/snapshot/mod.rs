@@ -7,7 +7,8 @@
 //! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
 //! from a [`SnapshotSource`]. [`Snapshot`] is both.
 
-mod rows;
+pub(crate) mod elements;
+pub(crate) mod rows;
 pub(crate) mod saved_section;
 #[cfg(test)]
 mod tests;

@@ -5,13 +5,31 @@ use std::ops::Range;
 use crate::parallel::message::{Codec, codec};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
-use crate::snapshot::saved_section::{ElementRows, OwnTarget, TargetNumbers, elements_of, flat, renumbered};
+use crate::snapshot::elements::{ElementRows, elements_of, flat, renumbered};
 use crate::snapshot::{SnapshotError, Value};
 
 /// Rows that travel together.
 const CHUNK: usize = 1 << 16;
 
 codec!(struct SnapshotError { section, what });
+
+/// A pin target of a rank.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OwnTarget {
+    /// Its number.
+    pub(crate) number: u32,
+    /// Number of its vertex in the scene.
+    pub(crate) vertex: u32,
+}
+
+/// The numbers of pin targets.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TargetNumbers<'a> {
+    /// Those of this rank, ascending.
+    pub(crate) own: &'a [u32],
+    /// How many all ranks have.
+    pub(crate) all: usize,
+}
 
 /// Rows of an array: those that one rank has, and behind them those that all ranks have.
 pub(super) struct Rows {

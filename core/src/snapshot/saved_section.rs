@@ -2,28 +2,16 @@
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
-use std::collections::BTreeMap;
-
 use bytemuck::cast_slice;
 
 use crate::Vec3;
 use crate::parallel::parts::Parts;
 use crate::scene::{FARTHEST, is_possible};
-use crate::snapshot::rows::{Rows, moved_targets, own_order, read_and_broadcast, scene_order, sorted_elements};
+use crate::snapshot::elements::{ElementRows, elements_of, flat};
+use crate::snapshot::rows::{
+    OwnTarget, Rows, TargetNumbers, moved_targets, own_order, read_and_broadcast, scene_order, sorted_elements,
+};
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, Value, Values, of_any_kind};
-
-/// What time has changed in elements of four vertices, as hinges are: two numbers for each, by its vertices. It needs no numbering of
-/// the elements, and every rank finds those that it has.
-pub type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
-
-/// The same elements with other numbers of vertices, without those that have a vertex without a number.
-pub(crate) fn renumbered(rows: ElementRows, number: impl Fn(u32) -> Option<u32>) -> ElementRows {
-    let one = |(nodes, values): ([u32; 4], _)| {
-        let [a, b, c, d] = nodes.map(&number);
-        Some(([a?, b?, c?, d?], values))
-    };
-    rows.into_iter().filter_map(one).collect()
-}
 
 /// A section of a snapshot, and hence of a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,35 +59,6 @@ enum Layout {
     /// One for each element, its vertices by their numbers in the scene before its values: of elements that count here when they are
     /// written, of those of all ranks when they were read or have moved.
     Elements,
-}
-
-/// A pin target of a rank.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct OwnTarget {
-    /// Its number.
-    pub(crate) number: u32,
-    /// Number of its vertex in the scene.
-    pub(crate) vertex: u32,
-}
-
-/// The numbers of pin targets.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct TargetNumbers<'a> {
-    /// Those of this rank, ascending.
-    pub(crate) own: &'a [u32],
-    /// How many all ranks have.
-    pub(crate) all: usize,
-}
-
-/// Elements as rows of numbers.
-pub(super) fn flat(elements: &ElementRows) -> Vec<f64> {
-    elements.iter().flat_map(|(nodes, values)| nodes.map(f64::from).into_iter().chain(*values)).collect()
-}
-
-/// The inverse of [`flat`].
-pub(super) fn elements_of(rows: &[f64]) -> ElementRows {
-    let (rows, _) = rows.as_chunks::<6>();
-    rows.iter().map(|[a, b, c, d, values @ ..]| ([*a, *b, *c, *d].map(|n| n as u32), *values)).collect()
 }
 
 impl Layout {

@@ -1,6 +1,8 @@
 //! Arrays of every layout against what a snapshot has to hold, over ranks.
 
-use super::saved_section::{ElementRows, Field, OwnTarget, SavedSection, SectionId, TargetNumbers};
+use super::elements::ElementRows;
+use super::rows::{OwnTarget, TargetNumbers};
+use super::saved_section::{Field, SavedSection, SectionId};
 use super::*;
 use crate::Vec3;
 use crate::parallel::local_ranks::LocalRanks;

@@ -16,7 +16,7 @@ use crate::elements::corners;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::ElementRows;
+use crate::snapshot::elements::ElementRows;
 use crate::tolerances::SQUASHED;
 
 /// Hinges whose shapes are computed together.

@@ -11,7 +11,7 @@ use crate::parallel::simd4::Simd4;
 use crate::pins::PinTargets;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
-use crate::snapshot::saved_section::ElementRows;
+use crate::snapshot::elements::ElementRows;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
