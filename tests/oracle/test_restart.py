@@ -29,7 +29,7 @@ def shots(tmp_path_factory, mannequin):
     return make_shots(tmp_path_factory.mktemp("scenes"), mannequin)
 
 
-MATRIX = ["held", "mannequin", "twister", "after position"]
+MATRIX = ["held", "mannequin", "twister", "two sheets"]
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def test_after_kills_at_random_moments_everything_opens_and_the_run_goes_on(
 ):
     kills = []
     while sum(map(len, kills)) < 50:
-        name = ["held", "after position", "twister"][len(kills) % 3]
+        name = ["held", "two sheets", "twister"][len(kills) % 3]
         shot, expected = shots[name], whole(name)
         moments = Moments(f"kill {len(kills)}", shot, expected.seconds)
         kills.append(killed_until_done(shot, expected, tmp_path / str(len(kills)), reader, moments))

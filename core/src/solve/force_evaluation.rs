@@ -11,17 +11,17 @@ use crate::solve::implicit_velocity::PartForces;
 /// Where the blocks of elements are in the matrix: for each part and each of its forces the places of all elements that the force
 /// visits.
 #[derive(Debug)]
-pub(crate) struct ElementSlots(Vec<Vec<Vec<Slot>>>);
+pub struct ElementSlots(Vec<Vec<Vec<Slot>>>);
 
 impl ElementSlots {
     /// Of each force of a part.
-    pub(crate) fn of_part(&self, part: usize) -> &[Vec<Slot>] {
+    pub fn of_part(&self, part: usize) -> &[Vec<Slot>] {
         &self.0[part]
     }
 }
 
 /// A matrix of zeros for the elements of these forces, and where their blocks are in it.
-pub(crate) fn matrix_of(parts: &Parts, forces: &PartForces) -> (BlockMatrix, ElementSlots) {
+pub fn matrix_of(parts: &Parts, forces: &PartForces) -> (BlockMatrix, ElementSlots) {
     let visit = |force: &dyn Force, visit: &mut dyn FnMut(&[u32])| {
         force.linearised().into_iter().for_each(|force| force.visit_elements(visit));
     };

@@ -4,7 +4,7 @@ mod block_jacobi;
 mod block_system;
 pub mod conjugate_gradient;
 mod constraints;
-pub(crate) mod force_evaluation;
+pub mod force_evaluation;
 pub mod implicit_velocity;
 mod multilevel;
 pub(crate) mod pair_terms;
