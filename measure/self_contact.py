@@ -60,8 +60,8 @@ def growth():
 
 
 TABLES = [
-    Table(PAGE, "history", ["variant", "steps", "`collision_steps`", "CPU s", "A s", "B.2, B.8 s", "C s",
-                            *(f"`{name}`" for name in COUNTED), "crossings"],
+    Table(PAGE, "history", ["variant", "steps", "collision steps", "CPU s", "A s", "B.2, B.8 s", "C s",
+                            *(name.replace("_", " ") for name in COUNTED), "crossings"],
           {scene: (f"{scene}, 40 cells, frames 0-240", history(scene)) for scene in ("twister", "spinning_ball")}),
     Table(PAGE, "shares", ["frames", "steps", "CPU s", "CPU s a frame", "µs a triangle and step", *PARTS, "the rest", "crossings"], {
         **{f"ball_{n // 1000}k": (f"{n:,} triangles", shares(n)) for n in SIZES},
