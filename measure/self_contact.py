@@ -8,7 +8,7 @@ from measure.scenes import sample, without_tables
 from measure.speed import slope
 
 PAGE = "dev/measurements/self-contact.md"
-COUNTED = ["collision_hits", "zones", "zone_nodes", "zone_fallbacks", "rewinds"]
+COUNTED = ["collision_hits", "zones"]
 
 # How a scene is run: name, tables that are left out, settings.
 VARIANTS = [
