@@ -39,7 +39,7 @@ impl Modules {
         self.code[module].lines().filter(|line| !line.trim().is_empty()).count()
     }
 
-    /// How often the code of all modules has a word.
+    /// Number of times that the code of all modules has a word.
     pub fn count(&self, word: &str) -> usize {
         self.code.values().map(|code| code.matches(word).count()).sum()
     }

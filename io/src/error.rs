@@ -220,9 +220,9 @@ pub enum IoError {
         path: PathBuf,
         /// Object that refers to the other file.
         place: String,
-        /// What is missing.
+        /// The missing part.
         what: String,
-        /// What to do.
+        /// The remedy.
         advice: String,
     },
     /// A file has a format that is not read or written here.

@@ -50,9 +50,8 @@ impl Shot {
         }
         for frame in self.about.timeline.start..=self.about.last_frame {
             let input = self.inputs.at(frame)?;
-            let strained =
-                simulation.strain_between_pins_at(&input).filter(|record| record.strain > STRETCHED_BETWEEN_PINS);
-            if let Some(record) = strained {
+            let strained = may_tear.then(|| simulation.strain_between_pins_at(&input)).flatten();
+            if let Some(record) = strained.filter(|record| record.strain > STRETCHED_BETWEEN_PINS) {
                 Worst::add(&mut torn, frame, record, |a, b| a.strain > b.strain);
             }
             if may_be_covered

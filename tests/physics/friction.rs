@@ -27,9 +27,6 @@ struct Incline {
     integrator: Integrator,
 }
 
-/// The integrators that are to be exact.
-const INTEGRATORS: [Integrator; 2] = [Integrator::SemiImplicit, Integrator::TrBdf2];
-
 /// Leaves the choice of the step to the frame: one step each, solves without error.
 fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) {
     description.solver.integrator = integrator;
@@ -90,7 +87,7 @@ impl Incline {
 #[test]
 fn a_block_slides_down_an_incline_exactly_as_coulomb_says_at_every_step_length() {
     let (sin, cos) = (std::f64::consts::PI / 5.0).sin_cos();
-    let lengths = [30, 100, 1000, 10_000].into_iter().flat_map(|n| INTEGRATORS.map(|integrator| (n, integrator)));
+    let lengths = [30, 100, 1000, 10_000].into_iter().flat_map(|n| Integrator::ALL.map(|integrator| (n, integrator)));
     for (steps_per_second, integrator) in lengths {
         let incline = Incline { friction: 0.6, steps_per_second, integrator, ..Incline::default() };
         let slid = incline.slid(&mut incline.start(), 1.0);
@@ -105,7 +102,7 @@ fn a_block_slides_down_an_incline_exactly_as_coulomb_says_at_every_step_length()
 
 #[test]
 fn a_block_sticks_on_an_incline_at_every_step_length() {
-    let lengths = [30, 100, 1000, 10_000].into_iter().flat_map(|n| INTEGRATORS.map(|integrator| (n, integrator)));
+    let lengths = [30, 100, 1000, 10_000].into_iter().flat_map(|n| Integrator::ALL.map(|integrator| (n, integrator)));
     for (steps_per_second, integrator) in lengths {
         let incline = Incline { friction: 0.8, steps_per_second, integrator, ..Incline::default() };
         let slid = incline.slid(&mut incline.start(), 1.0);
@@ -123,7 +120,8 @@ fn a_block_that_sticks_has_not_crept_after_ten_seconds() {
 #[test]
 fn a_sliding_block_stops_where_coulomb_says_to_second_order() {
     for (friction, stop) in [(0.9, 0.3635744), (1.0, 0.2306197)] {
-        let lengths = [30, 60, 120, 300, 1000].into_iter().flat_map(|n| INTEGRATORS.map(|integrator| (n, integrator)));
+        let lengths =
+            [30, 60, 120, 300, 1000].into_iter().flat_map(|n| Integrator::ALL.map(|integrator| (n, integrator)));
         for (steps_per_second, integrator) in lengths {
             let incline = Incline { friction, speed: 1.0, steps_per_second, integrator, ..Incline::default() };
             let slid = incline.slid(&mut incline.start(), 1.5);
@@ -138,7 +136,7 @@ fn a_sliding_block_stops_where_coulomb_says_to_second_order() {
 
 #[test]
 fn the_authors_own_stopping_place_is_reached_by_frame_14() {
-    for integrator in INTEGRATORS {
+    for integrator in Integrator::ALL {
         let incline = Incline { friction: 1.0, speed: 1.0, integrator, ..Incline::default() };
         let mut simulation = incline.start();
         let before = centre(&positions(&simulation));
@@ -156,7 +154,7 @@ fn the_authors_own_stopping_place_is_reached_by_frame_14() {
 #[test]
 fn a_stiff_patch_of_cloth_slides_like_a_block() {
     let (sin, cos) = (std::f64::consts::PI / 5.0).sin_cos();
-    for integrator in INTEGRATORS {
+    for integrator in Integrator::ALL {
         let springs = Some((1e3, 1.0));
         let incline = Incline { friction: 0.6, steps_per_second: 120, springs, integrator, ..Incline::default() };
         let slid = incline.slid(&mut incline.start(), 1.0);
@@ -168,7 +166,8 @@ fn a_stiff_patch_of_cloth_slides_like_a_block() {
 #[test]
 fn friction_does_not_see_a_common_velocity() {
     // T-inc-6: plane and block carried along, also along the plane's normal.
-    for (friction, integrator) in INTEGRATORS.iter().flat_map(|integrator| [(0.6, *integrator), (0.8, *integrator)]) {
+    for (friction, integrator) in Integrator::ALL.iter().flat_map(|integrator| [(0.6, *integrator), (0.8, *integrator)])
+    {
         let at_rest = Incline { friction, steps_per_second: 200, integrator, ..Incline::default() };
         let rest = at_rest.slid(&mut at_rest.start(), 1.0);
         for carried in [Vec3::new(0.7, 0.0, 0.3), Vec3::new(0.0, 2.0, 0.0), Vec3::new(-0.4, -1.5, 0.2)] {
@@ -182,7 +181,7 @@ fn friction_does_not_see_a_common_velocity() {
 #[test]
 fn a_fast_body_does_not_throw_what_it_passes_by() {
     // A box comes along x with 120 m/s, 0.6 m a step, and goes by 0.3 m above a patch at rest.
-    for integrator in INTEGRATORS {
+    for integrator in Integrator::ALL {
         let mesh = sheet(2, 2, 0.05);
         let mut description = scene_of(GarmentDescription::new("patch", mesh.clone(), 1.0), 200);
         one_step_a_frame(&mut description, integrator);
@@ -224,7 +223,7 @@ fn a_turntable_carries_cloth_up_to_the_critical_speed() {
     let Some(truths) = truths() else { return };
     for case in truths["turntable"]["omega_crit"].as_array().unwrap() {
         let [mu, r, critical] = ["mu", "r", "omega"].map(|k| case[k].as_f64().unwrap());
-        for integrator in INTEGRATORS {
+        for integrator in Integrator::ALL {
             let below = turntable_slip(mu, [r, 0.99 * critical], 2.0, integrator);
             let above = turntable_slip(mu, [r, 1.01 * critical], 2.0, integrator);
             assert!(below < 1e-3 * r, "{integrator:?}, mu {mu}, r {r}: slipped {below} m below the critical speed");
@@ -268,7 +267,7 @@ fn cloth_dropped_on_a_belt_lags_as_coulomb_says() {
     let Some(truths) = truths() else { return };
     for case in truths["conveyor"]["examples"].as_array().unwrap() {
         let [mu, speed, time, lag] = ["mu", "V", "t", "lag"].map(|k| case[k].as_f64().unwrap());
-        for integrator in INTEGRATORS {
+        for integrator in Integrator::ALL {
             let fps = 240;
             let mut mesh = sheet(2, 2, 0.05);
             mesh.points.iter_mut().for_each(|p| p.y += 1e-7);

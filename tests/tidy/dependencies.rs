@@ -5,7 +5,7 @@ use drapery_tests::structure::members;
 
 use crate::tree::{report, root};
 
-/// What the solver stands on.
+/// Dependencies of the solver.
 const OF_THE_SOLVER: [&str; 5] = ["bytemuck", "nalgebra", "rayon", "robust", "thiserror"];
 
 /// The manifest of a crate.

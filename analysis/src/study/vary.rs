@@ -2,7 +2,7 @@
 
 use drapery_core::effects::find;
 use drapery_core::scene::{Described, Integrator, PRESET, SolverPreset, SolverSettings};
-use drapery_core::settings::{self, Field};
+use drapery_core::settings::{self, Field, Settings};
 
 use crate::study::record::{Role, Setting};
 
@@ -42,12 +42,14 @@ pub(super) const STEPS_PER_FRAME: &str = "steps_per_frame";
 /// Name of the integrator.
 pub(super) const INTEGRATOR: &str = "integrator";
 
-/// The words of the integrators of short and of long steps.
-pub(super) const SHORT_STEPS: &str = Integrator::WORDS[Integrator::SemiImplicit as usize].name;
-pub(super) const LONG_STEPS: &str = Integrator::WORDS[Integrator::TrBdf2 as usize].name;
+/// The integrators of short and of long steps, and their words.
+const SHORT: Integrator = Integrator::SemiImplicit;
+const LONG: Integrator = Integrator::TrBdf2;
+pub(super) const SHORT_STEPS: &str = SHORT.word();
+pub(super) const LONG_STEPS: &str = LONG.word();
 
 /// Short names of keys of the scene, beside those of `[solver]`, which are named without their table.
-const SHORT: [(&str, &str); 1] = [("max_steps", "self_collision.max_steps")];
+const SHORT_NAMES: [(&str, &str); 1] = [("max_steps", "self_collision.max_steps")];
 
 /// Power of the number of steps that the time of a run follows, measured on the sample scenes: shorter steps need fewer
 /// iterations each.
@@ -102,14 +104,14 @@ pub(crate) struct BaseSettings {
 pub(super) type Change<'a> = (&'a str, &'a str);
 
 impl BaseSettings {
-    /// Whether the scene takes long steps with these changes.
-    pub(super) fn is_long_with(&self, changes: &[Change<'_>]) -> bool {
+    /// The integrator of the scene with these changes.
+    fn integrator_with(&self, changes: &[Change<'_>]) -> Integrator {
         let chosen = changes.iter().rev().find_map(|(name, value)| match *name {
-            INTEGRATOR => Integrator::find(value).map(|integrator| integrator.spec().is_implicit),
-            _ if *name == PRESET.name => SolverPreset::find(value).map(|preset| preset.integrator.spec().is_implicit),
+            INTEGRATOR => Integrator::find(value),
+            _ if *name == PRESET.name => SolverPreset::find(value).map(|preset| preset.integrator),
             _ => None,
         });
-        chosen.unwrap_or(self.is_long)
+        chosen.unwrap_or(if self.is_long { LONG } else { SHORT })
     }
 
     /// Changes that are to be made together, without those that say nothing to their integrator; in a scene with short steps a
@@ -119,14 +121,25 @@ impl BaseSettings {
         if !self.is_long && names(STEPS_PER_FRAME, &changes) && !names(INTEGRATOR, &changes) {
             changes.insert(0, (INTEGRATOR, LONG_STEPS));
         }
-        let is_long = self.is_long_with(&changes);
-        let says_nothing = |name: &str| match name {
-            STEPS_PER_FRAME => !is_long,
-            CFL => is_long && !self.limits_long_steps(),
-            _ => false,
-        };
-        changes.retain(|(name, _)| !says_nothing(name));
+        let (integrator, has_explicit) = (self.integrator_with(&changes), self.limits_long_steps());
+        changes.retain(|(name, _)| !integrator.unused_keys(has_explicit).any(|unused| unused.key == *name));
         changes
+    }
+
+    /// Settings that go with a change of the integrator: keys of the scene that it does not read, and would refuse, get their defaults.
+    fn resets(&self, name: &str, value: &str) -> Vec<(String, String)> {
+        let unused = self.integrator_with(&[(name, value)]).unused_keys(self.limits_long_steps());
+        let of_scene = |key: &str| match key {
+            CFL => Some(self.cfl),
+            STEPS_PER_FRAME => Some(self.steps_per_frame as f64),
+            _ => None,
+        };
+        let usual = Settings::defaults(SolverSettings::FIELDS);
+        let differs = |key: &&str| of_scene(key).is_some_and(|value| value != usual.number(key));
+        let keys = unused.map(|unused| unused.key).filter(differs);
+        let resets = keys.map(|key| (key_of(key), usual.number(key).to_string()));
+        // A key that has no effect in the scene itself was refused before.
+        if [INTEGRATOR, PRESET.name].contains(&name) { resets.collect() } else { Vec::new() }
     }
 
     /// Whether an effect of the scene has a setting of this name.
@@ -197,7 +210,10 @@ pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &BaseS
             let cloth = ground.takes("friction").then(|| "self_repulsion.friction".to_owned());
             setting.settings.extend(bodies.chain(cloth).map(|key| (key, value.to_owned())));
         }
-        _ => setting.settings.push((key_of(name), value.to_owned())),
+        _ => {
+            setting.settings.extend(ground.resets(name, value));
+            setting.settings.push((key_of(name), value.to_owned()));
+        }
     }
     let words: Vec<String> = setting.changes.iter().map(|(name, value)| format!("{name} {value}")).collect();
     setting.label = words.join(", ");
@@ -222,7 +238,7 @@ fn row_of(name: &str) -> Option<&'static Field> {
 fn key_of(name: &str) -> String {
     match row_of(name) {
         Some(row) => format!("{SOLVER}{}", row.name),
-        None => SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key).to_owned(),
+        None => SHORT_NAMES.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key).to_owned(),
     }
 }
 
@@ -291,6 +307,17 @@ pub(super) mod tests {
         assert_eq!(setting.settings, pairs(&[("body.hero.friction", "0"), ("self_repulsion.friction", "0")]));
         let bare = BaseSettings { effects: Vec::new(), ..ground() };
         assert_eq!(changed(&as_is(), "friction", "0", &bare).settings, pairs(&[("body.hero.friction", "0")]));
+    }
+
+    #[test]
+    fn keys_of_the_scene_that_another_integrator_does_not_read_get_their_defaults() {
+        let fine = BaseSettings { cfl: 1.0, ..ground() };
+        let long = changed(&as_is(), INTEGRATOR, LONG_STEPS, &fine);
+        assert_eq!(long.settings, pairs(&[("solver.cfl", "4"), ("solver.integrator", LONG_STEPS)]));
+        assert_eq!(changed(&as_is(), INTEGRATOR, LONG_STEPS, &ground()).settings.len(), 1);
+        let hero = BaseSettings { is_long: true, steps_per_frame: 16, ..ground() };
+        let short = changed(&as_is(), INTEGRATOR, SHORT_STEPS, &hero);
+        assert_eq!(short.settings, pairs(&[("solver.steps_per_frame", "8"), ("solver.integrator", SHORT_STEPS)]));
     }
 
     #[test]

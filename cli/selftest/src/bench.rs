@@ -10,7 +10,9 @@ use drapery_core::effects::self_repulsion;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{Integrator, RepulsionPlace, Scene, SceneDescription, SolverSettings};
+use drapery_core::scene::{Described, Integrator, RepulsionPlace, Scene, SceneDescription, SolverSettings};
+use drapery_core::settings::Settings;
+use drapery_core::setup::unused_keys;
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_shot::quality::LIMITS;
@@ -302,11 +304,13 @@ impl<'a> Bench<'a> {
 
 /// A scene with an integrator; keys that this one does not read, and would refuse, have their defaults.
 fn with_integrator(scene: &SceneDescription, integrator: Integrator) -> SceneDescription {
-    let (mut description, usual) = (scene.clone(), SolverSettings::default());
+    let mut description = scene.clone();
     description.solver.integrator = integrator;
-    match integrator.spec().is_implicit {
-        true => description.solver.cfl = usual.cfl,
-        false => description.solver.steps_per_frame = usual.steps_per_frame,
+    let mut written = description.solver.written();
+    unused_keys(&description).for_each(|unused| drop(written.remove(unused.key)));
+    // Values out of range stay for the scene's own check.
+    if let Ok(settings) = Settings::check(SolverSettings::FIELDS, &written) {
+        description.solver = SolverSettings::of(&settings);
     }
     if integrator.spec().repulsion == RepulsionPlace::Solves {
         let repulsion = description.effects.iter_mut().filter(|request| request.effect == self_repulsion::SPEC.name);

@@ -64,13 +64,13 @@ pub struct EffectSpec {
     pub elements: &'static str,
     /// Painted maps that it looks at.
     pub maps: &'static [MapSpec],
-    /// What of its work shows in the report of a run.
+    /// Its part of the report of a run.
     pub report: Report,
-    /// What studies and checks of motion may expect of it.
+    /// Its properties for studies and checks of motion.
     pub study: Study,
-    /// What it is expected to take.
+    /// Expected memory and time.
     pub cost: Cost,
-    /// What of a request for it takes the side that faces show for a side of the cloth, in words.
+    /// Setting of a request that takes the side of the faces for a side of the cloth, in words.
     pub looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
     /// Between what there is friction in it, in words; `None` if there cannot be any.
     pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
@@ -80,14 +80,14 @@ pub struct EffectSpec {
     pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
 }
 
-/// What of an effect's work shows in the report of a run.
+/// Part of an effect in the report of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Report {
     /// Stages of a step that are its own work.
     pub stages: &'static [&'static str],
     /// Stages that are its work where no other effect of the scene has them as its own.
     pub shared_stages: &'static [&'static str],
-    /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
+    /// Its counts, besides the iterations of the solves; docs/reference/counts.md explains each.
     pub counts: &'static [&'static str],
 }
 
@@ -96,7 +96,7 @@ impl Report {
     pub const NONE: Self = Self { stages: &[], shared_stages: &[], counts: &[] };
 }
 
-/// What studies and checks of motion may expect of an effect.
+/// Properties of an effect for studies and checks of motion.
 #[derive(Debug, Clone, Copy)]
 pub struct Study {
     /// Whether it moves no centre of mass but as gravity does: it acts between vertices of cloth, or on all alike.
@@ -119,7 +119,7 @@ impl Study {
     pub const INTERNAL: Self = Self { is_internal: true, ..Self::OUTSIDE };
 }
 
-/// What an effect is expected to take.
+/// Expected memory and time of an effect.
 #[derive(Debug, Clone, Copy)]
 pub struct Cost {
     /// Memory for each point of the garments that have it, measured with `drapery check` on panels of 40,000 and 250,000 points

@@ -3,7 +3,7 @@
 use crate::settings::choice;
 
 choice! {
-    /// How elastic forces enter the two solves of a step; see `docs/theory/step.md` and `docs/theory/tr_bdf2.md`.
+    /// Time integration: the treatment of elastic forces in the two solves of a step. See `docs/theory/step.md` and `docs/theory/tr_bdf2.md`.
     pub enum Integrator {
         // `docs/theory/step.md`.
         /// The paper's step: explicit, with implicit damping. Of second order; elastic forces limit the time step.
@@ -15,7 +15,7 @@ choice! {
     }
 }
 
-/// Where self-repulsion acts in a step.
+/// Lines of a step in which self-repulsion acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RepulsionPlace {
     /// By impulses in B.2 and B.8, as in the paper.
@@ -24,13 +24,13 @@ pub enum RepulsionPlace {
     Solves,
 }
 
-/// What an integrator asks of the other rooms.
+/// Properties of an integrator that other rooms read.
 #[derive(Debug, Clone, Copy)]
 pub struct IntegratorSpec {
     /// True if elastic forces are part of the solves: their stiffness does not limit the time step, fabrics may follow a tensile
     /// curve, and the length of a step comes from `steps_per_frame`.
     pub is_implicit: bool,
-    /// Where self-repulsion acts.
+    /// Lines in which self-repulsion acts.
     pub repulsion: RepulsionPlace,
     /// True if a step predicts with the acceleration of the last one, which checkpoints keep.
     pub keeps_acceleration: bool,
@@ -53,6 +53,8 @@ pub struct UnusedKey {
     pub because: &'static str,
     /// The line of a scene to write instead.
     pub instead: &'static str,
+    /// True if effects whose forces stay explicit in long steps read it.
+    pub limits_explicit_forces: bool,
 }
 
 /// Rows, in the order of [`Integrator`].
@@ -67,6 +69,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
             key: "steps_per_frame",
             because: "elastic forces choose the steps of `semi_implicit`",
             instead: "cfl = 2 for shorter steps, or integrator = \"tr_bdf2\"",
+            limits_explicit_forces: false,
         }],
     },
     IntegratorSpec {
@@ -79,6 +82,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
             key: "cfl",
             because: "`steps_per_frame` chooses the steps of `tr_bdf2`",
             instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
+            limits_explicit_forces: true,
         }],
     },
 ];
@@ -92,13 +96,18 @@ impl Integrator {
         &SPECS[self as usize]
     }
 
+    /// Keys of `[solver]` that have no effect with it; `has_explicit` says whether the scene has forces that stay explicit in long steps.
+    pub fn unused_keys(self, has_explicit: bool) -> impl Iterator<Item = &'static UnusedKey> {
+        self.spec().unused.iter().filter(move |unused| !(unused.limits_explicit_forces && has_explicit))
+    }
+
     /// The integrator of a word.
     pub fn find(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|integrator| integrator.word() == word)
     }
 
     /// Its word in a scene.
-    pub fn word(self) -> &'static str {
+    pub const fn word(self) -> &'static str {
         Self::WORDS[self as usize].name
     }
 }

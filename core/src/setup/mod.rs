@@ -7,3 +7,4 @@ pub(crate) mod mesh_checks;
 mod validate;
 
 pub use mesh_checks::degenerate::simulated_triangles;
+pub use validate::unused::unused_keys;

@@ -65,7 +65,7 @@ impl Simulation {
         }
     }
 
-    /// What time has changed, on this rank, each with the room that it belongs to.
+    /// State of this rank that time has changed: a section for each room.
     pub(super) fn saved_sections(&self) -> Vec<(&'static Room, SavedSection)> {
         ROOMS.iter().filter_map(|room| Some((room, (room.save)(self)?))).collect()
     }
@@ -180,7 +180,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// What has yielded in elements that count on this rank, by vertices of the scene.
+    /// Yielded values of elements that count on this rank, by vertices of the scene.
     fn save_elements(&self) -> Option<SavedSection> {
         let section = SavedSection::new(self.yields?);
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new());

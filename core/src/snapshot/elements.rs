@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-/// What time has changed in elements of four vertices, as hinges are: two numbers for each, by its vertices. It needs no numbering of
-/// the elements, and every rank finds those that it has.
+/// Two numbers for each element of four vertices, as hinges are, by its vertices. The elements need no numbering, and every rank finds
+/// its own.
 pub type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
 
 /// The same elements with other numbers of vertices, without those that have a vertex without a number.

@@ -48,7 +48,7 @@ pub struct Dataset {
     pub values: Values,
 }
 
-/// What arrays may hold: each kind with the type of one value.
+/// Kinds of the values of arrays, each with the type of one value.
 macro_rules! kinds {
     ($(#[doc = $doc:literal] $kind:ident($type:ty),)+) => {
         /// Values of an array.
@@ -124,7 +124,7 @@ kinds! {
     U8(u8),
 }
 
-/// What an array can hold.
+/// Type of a value of an array.
 pub(crate) trait Value: Pod + Codec {
     /// Values as those of an array.
     fn wrap(values: Vec<Self>) -> Values;

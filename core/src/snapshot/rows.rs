@@ -1,4 +1,4 @@
-//! Which rows of an array a rank has, and how they come together on rank 0 and go back.
+//! Rows of an array on a rank, their gathering on rank 0, and the way back.
 
 use std::ops::Range;
 
@@ -25,9 +25,9 @@ pub(crate) struct OwnTarget {
 /// The numbers of pin targets.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TargetNumbers<'a> {
-    /// Those of this rank, ascending.
+    /// Numbers of this rank, ascending.
     pub(crate) own: &'a [u32],
-    /// How many all ranks have.
+    /// Number of targets on all ranks.
     pub(crate) all: usize,
 }
 
@@ -67,7 +67,7 @@ impl Rows {
         self.known.end
     }
 
-    /// Where the rows of a chunk are among those of this rank.
+    /// Places of the rows of a chunk among the rows of this rank.
     fn within(&self, chunk: &Range<usize>) -> Range<usize> {
         let place = |end: usize| self.keys.partition_point(|key| (*key as usize) < end);
         place(chunk.start)..place(chunk.end)
@@ -132,7 +132,7 @@ impl Rows {
     }
 }
 
-/// What rank 0 reads, on every rank; or its error.
+/// Value that rank 0 reads, on every rank, or its error.
 pub(super) fn read_and_broadcast<T: Codec>(
     ranks: &Ranks,
     read: impl FnOnce() -> Result<T, SnapshotError>,

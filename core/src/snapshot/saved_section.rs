@@ -1,4 +1,4 @@
-//! What time has changed, as the ranks have it: arrays over own vertices, over own pin targets, and values that all ranks
+//! State that time has changed, as the ranks have it: arrays over own vertices, over own pin targets, and values that all ranks
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
@@ -37,11 +37,11 @@ pub(crate) struct Field {
     layout: Layout,
     /// Values in a row.
     width: usize,
-    /// Those of this rank, row after row.
+    /// Values of this rank, row after row.
     values: Values,
 }
 
-/// Which rows an array has.
+/// Rows of an array.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Layout {
     /// One, which all ranks know.
@@ -116,7 +116,7 @@ impl Field {
         Self::new(Layout::Elements, 6, flat(rows))
     }
 
-    /// What a snapshot has: the values without numbers that a partition enters.
+    /// Values as a snapshot has them, without numbers that a partition enters; `None` if they are the same.
     fn written(&self, parts: &Parts) -> Option<Values> {
         match (self.layout, &self.values) {
             (Layout::Numbers, Values::U32(numbers)) => Some(Values::U32(own_order(parts, numbers))),

@@ -40,7 +40,7 @@ fn elements(parts: &Parts, all: bool) -> ElementRows {
     here.map(|v| ([v, v + 1, v + 2, v + 3], [f64::from(v), 0.25])).collect()
 }
 
-/// What a rank remembers; after a move or a read it has the elements of all ranks.
+/// Section of a rank; after a move or a read it has the elements of all ranks.
 fn section(parts: &Parts, all_elements: bool) -> SavedSection {
     let own: Vec<u32> = parts.own().map(|local| own_number(parts.number(local))).collect();
     let vectors: Vec<Vec3> = own.iter().map(|own| vector(*own)).collect();
@@ -73,7 +73,7 @@ fn blank(parts: &Parts) -> SavedSection {
         .with("elements", Field::elements(&ElementRows::new()))
 }
 
-/// What a snapshot has to hold, whatever the ranks.
+/// Expected content of a snapshot, on any ranks.
 fn expected() -> Snapshot {
     let vectors: Vec<f64> = (0..CLOTH).flat_map(|own| [f64::from(own), 0.5, -f64::from(own)]).collect();
     let nodes: Vec<f64> = vectors.iter().copied().chain([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).collect();

@@ -8,13 +8,13 @@ use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use crate::solve::implicit_velocity::PartForces;
 
-/// Where the blocks of elements are in the matrix: for each part and each of its forces the places of all elements that the force
+/// Slots of the blocks of elements in the matrix: for each part and each of its forces the slots of all elements that the force
 /// visits.
 #[derive(Debug)]
 pub struct ElementSlots(Vec<Vec<Vec<Slot>>>);
 
 impl ElementSlots {
-    /// Of each force of a part.
+    /// Slots of each force of a part.
     pub fn of_part(&self, part: usize) -> &[Vec<Slot>] {
         &self.0[part]
     }
@@ -39,10 +39,10 @@ pub fn matrix_of(parts: &Parts, forces: &PartForces) -> (BlockMatrix, ElementSlo
     (matrix, ElementSlots(slots))
 }
 
-/// Where the blocks of a part's forces go, and what their derivatives are multiplied by.
+/// Rows of a part with the slots of its forces, and the factors of their derivatives.
 struct Assembly<'a> {
     factors: BlockFactors,
-    /// Of each force.
+    /// Slots of each force.
     slots: &'a [Vec<Slot>],
     rows: &'a mut PartBlocks,
 }

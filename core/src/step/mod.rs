@@ -72,8 +72,15 @@ pub(crate) struct StepSettings<'a> {
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
     pub held: Option<&'a [u32]>,
-    /// How elastic forces enter both solves.
+    /// The integrator of the scene.
     pub integrator: Integrator,
+}
+
+impl StepSettings<'_> {
+    /// True if self-repulsion acts in B.2 and B.8.
+    fn repels_by_impulses(&self) -> bool {
+        self.integrator.spec().repulsion == RepulsionPlace::Impulses
+    }
 }
 
 /// What a step reports.
@@ -195,7 +202,9 @@ impl<'a> Step<'a> {
     fn repel_half_velocity(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
-        if let Some(contact) = contacts.cloth.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
+        if let Some(contact) =
+            contacts.cloth.as_mut().filter(|contact| contact.repels() && settings.repels_by_impulses())
+        {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
             prescribed.apply_prescribed(parts, v_half);
         }
@@ -250,7 +259,7 @@ impl<'a> Step<'a> {
     fn repel_final_velocity(&mut self) {
         let Self { cloth, contacts, metrics, settings, .. } = self;
         let Contacts { bodies, cloth: contact } = &mut **contacts;
-        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Impulses)) {
+        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels() && settings.repels_by_impulses()) {
             let state = &mut cloth.state;
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);

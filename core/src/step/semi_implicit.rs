@@ -11,7 +11,7 @@ use crate::solve::implicit_velocity::VelocityProblem;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
-/// What both solves of a step have in common.
+/// Common arguments of both solves of a step.
 #[derive(Clone, Copy)]
 struct Solves<'a> {
     parts: &'a Parts,
@@ -23,7 +23,7 @@ struct Solves<'a> {
 
 /// When and where forces are evaluated in a solve, and what they see there.
 struct Evaluation<'a> {
-    /// As a fraction of the step.
+    /// Fraction of the step.
     fraction: f64,
     /// Positions and velocities of the local vertices [m], [m/s].
     x: &'a [Vec3],

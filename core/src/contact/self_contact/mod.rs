@@ -72,7 +72,6 @@ pub(crate) struct SelfContact {
     search: PairSearch,
     proximity: ProximityList,
     repulsions: Option<Repulsions>,
-    repulsion_place: RepulsionPlace,
     geometric: Option<Geometric>,
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
@@ -117,8 +116,8 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub(crate) fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let repulsion_place = scene.description().solver.integrator.spec().repulsion;
-        let in_solves = repulsion.is_some() && repulsion_place == RepulsionPlace::Solves;
+        let acts_in_solves = scene.description().solver.integrator.spec().repulsion == RepulsionPlace::Solves;
+        let in_solves = repulsion.is_some() && acts_in_solves;
         let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
         let order = match repulsion {
             None => PairOrder::Any,
@@ -138,7 +137,6 @@ impl SelfContact {
             search: PairSearch::new(),
             proximity,
             repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
-            repulsion_place,
             geometric,
             mobility: cloth_mobility(&surface),
             constraints: Vec::new(),
@@ -168,11 +166,6 @@ impl SelfContact {
     /// True if the scene has self-repulsion.
     pub(crate) fn repels(&self) -> bool {
         self.repulsions.is_some()
-    }
-
-    /// True if the scene has self-repulsion, and it acts there in a step.
-    pub(crate) fn repels_in(&self, place: RepulsionPlace) -> bool {
-        self.repulsions.is_some() && self.repulsion_place == place
     }
 
     /// Takes the inverse masses of pinned own vertices in the coming step, from those of all local vertices [1/kg]. All ranks

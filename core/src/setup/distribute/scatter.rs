@@ -134,7 +134,7 @@ impl SceneScatter {
         Self { description, partition, assignment, starts, blocks, points_of, columns, pins, pairs }
     }
 
-    /// What this rank gets of the scene, as [`assemble`] leaves it; there are no problems so far. All ranks call it together.
+    /// This rank's pieces of the scene, as [`assemble`] leaves them; there are no problems so far. All ranks call it together.
     pub(crate) fn finish(mut self, ranks: &Ranks) -> Scene {
         let mut owns = Vec::new();
         let mut places = Vec::new();

@@ -2,7 +2,7 @@
 //! (`crate::setup::mesh_checks::degenerate`), and nothing is repaired.
 
 mod maps_and_seams;
-mod unused;
+pub(super) mod unused;
 
 use std::collections::BTreeSet;
 use std::ops::Range;

@@ -24,7 +24,6 @@ use crate::clock::Watch;
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::collision::CollisionStep;
 use crate::long_steps::EXTRAPOLATED;
-use crate::scene::RepulsionPlace;
 use crate::state::State;
 use crate::step::{Prescribed, Scratch};
 use stages::{StageContext, Stages};
@@ -103,8 +102,7 @@ impl<'a> Step<'a> {
             let is_wrong = self.cloth.scratch.active.is_wrong();
             self.metrics.count_once(parts.ranks(), "friction_unsettled", u64::from(is_wrong));
         }
-        if let Some(contact) = self.contacts.cloth.as_ref().filter(|contact| contact.repels_in(RepulsionPlace::Solves))
-        {
+        if let Some(contact) = self.contacts.cloth.as_ref().filter(|contact| contact.repels()) {
             contact.count_pair_forces(self.metrics);
         }
         self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 1);
@@ -166,7 +164,7 @@ impl<'a> Step<'a> {
             extrapolated: EXTRAPOLATED * settings.mean_edge,
         };
         let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
-        let repulsion = contacts.cloth.as_mut().filter(|contact| contact.repels_in(RepulsionPlace::Solves));
+        let repulsion = contacts.cloth.as_mut().filter(|contact| contact.repels());
         Stages { at, arrays, active, forces, volumes, repulsion, bodies }
     }
 }

@@ -32,12 +32,12 @@ pub(super) struct StageContext<'a> {
     pub(super) wind: &'a WindGrid,
     pub(super) pins: Option<&'a HardPins>,
     pub(super) targets: &'a PinTargets,
-    /// How far extrapolation may move a vertex [m].
+    /// Cap on the extrapolated displacement of a vertex [m].
     pub(super) extrapolated: f64,
 }
 
 impl<'a> StageContext<'a> {
-    /// What is taken of an extrapolated change of a velocity [m/s].
+    /// Extrapolated change of a velocity, capped [m/s].
     fn extrapolated(&self, change: Vec3) -> Vec3 {
         let moved = change.norm() * ALPHA * self.dt;
         if moved > self.extrapolated { change * (self.extrapolated / moved) } else { change }
@@ -49,7 +49,7 @@ impl<'a> StageContext<'a> {
     }
 }
 
-/// What the stages of a step work with.
+/// A step in its stages: its arrays, and all that they evaluate.
 pub(super) struct Stages<'a> {
     pub(super) at: StageContext<'a>,
     pub(super) arrays: &'a mut StageArrays,
@@ -62,7 +62,7 @@ pub(super) struct Stages<'a> {
     pub(super) bodies: &'a Bodies,
 }
 
-/// Which solve it is.
+/// A solve of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
     First,
@@ -77,7 +77,7 @@ impl Stage {
         if self == Self::First { GAMMA } else { 1.0 }
     }
 
-    /// What forces of pairs at its end weigh in it, over those of elements.
+    /// Weight of forces of pairs at its end, over the weight of forces of elements.
     pub(super) fn share_of_pairs(self) -> f64 {
         if self == Self::First { 2.0 } else { 1.0 }
     }
@@ -223,7 +223,7 @@ impl Stages<'_> {
         outcome
     }
 
-    /// What the solve of a stage is to balance where the stage stands: all but what pairs in touch give.
+    /// Sets the residual of a stage where it stands, without the forces of pairs in touch.
     pub(super) fn set_residual(&mut self, stage: Stage) {
         let (alpha, parts) = (ALPHA * self.at.dt, self.at.parts);
         let StageArrays { v_start, v_first, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
