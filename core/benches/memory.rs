@@ -256,14 +256,14 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
     let count = parts.local_count();
     let x = rippled(&drapery_core::state::State::at_start(scene).x);
     let (targets, wind) = (PinTargets::default(), WindGrid::default());
-    let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
+    let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
     let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
     for (_, effect) in build_all(scene).unwrap_or_else(|problems| panic!("{problems}")) {
         effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
     }
     let view = |part: usize| {
         let range = parts.ranges()[part].clone();
-        PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, around }
+        PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, context }
     };
     let mut f = vec![Vec3::zeros(); count];
     bench.kernel(
@@ -286,7 +286,7 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
     let problem = VelocityProblem {
         parts,
         masses,
-        around,
+        context,
         pins: None,
         contacts: None,
         half_step: 1e-3,

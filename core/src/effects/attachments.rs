@@ -104,11 +104,12 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
 impl Force for PartAttachments {
     fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for a in &mut self.springs {
-            a.active = view.around.targets.is_active(a.target);
+            a.active = view.context.targets.is_active(a.target);
             if a.active {
-                let apart = view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+                let apart = view.context.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
                 // The target's own velocity is part of the damping force that does not depend on the unknown.
-                f[a.vertex] += Simd4::from(&(apart * a.stiffness + view.around.targets.velocity(a.target) * a.damping));
+                f[a.vertex] +=
+                    Simd4::from(&(apart * a.stiffness + view.context.targets.velocity(a.target) * a.damping));
             }
         }
     }
@@ -126,9 +127,9 @@ impl Force for PartAttachments {
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
-        let active = self.springs.iter().filter(|a| view.around.targets.is_active(a.target));
+        let active = self.springs.iter().filter(|a| view.context.targets.is_active(a.target));
         let apart =
-            |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+            |a: &Attachment| view.context.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
     }
 

@@ -43,7 +43,7 @@ pub struct PartView<'a> {
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
     pub fraction: f64,
     /// Everything else.
-    pub around: ForceContext<'a>,
+    pub context: ForceContext<'a>,
 }
 
 impl PartView<'_> {

@@ -207,14 +207,14 @@ fn stiffness(
 
 impl PartPressure {
     /// Inside less outside [Pa].
-    fn pressure(&self, around: &ForceContext<'_>) -> f64 {
-        self.gas.map_or(self.overpressure, |gas| gas.pressure(self.overpressure, around.volumes.of(self.garment)))
+    fn pressure(&self, context: &ForceContext<'_>) -> f64 {
+        self.gas.map_or(self.overpressure, |gas| gas.pressure(self.overpressure, context.volumes.of(self.garment)))
     }
 }
 
 impl Force for PartPressure {
     fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
-        let share = self.side * self.pressure(&view.around) / 3.0;
+        let share = self.side * self.pressure(&view.context) / 3.0;
         for corners in self.triangles.corners() {
             self.triangles.add(corners, &(area_vector(&at_corners(corners, view.x)) * share), f);
         }
@@ -234,7 +234,7 @@ impl Force for PartPressure {
             None => -self.overpressure * self.side * here,
             Some(Gas { ambient, rest_volume }) => {
                 // Work of the ambient air less that of the gas, shared out by what each part has of the volume.
-                let all = view.around.volumes.of(self.garment);
+                let all = view.context.volumes.of(self.garment);
                 let share = (all / rest_volume).max(SQUEEZED);
                 let work = ambient * (share - 1.0) - (ambient + self.overpressure) * share.ln();
                 work * rest_volume.abs() * here / all

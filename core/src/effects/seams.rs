@@ -159,7 +159,7 @@ impl Force for PartSeams {
     fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for stitch in &mut self.stitches {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
-            let (length, rate) = stitch.closing.length(stitch.gap, view.around.time);
+            let (length, rate) = stitch.closing.length(stitch.gap, view.context.time);
             let (apart, inverse) = direction(b - a);
             let pull = stitch.stiffness * (apart.norm() - length) - stitch.damping * rate;
             stitch.scaled_damping = stitch.damping * inverse * inverse;
@@ -187,7 +187,7 @@ impl Force for PartSeams {
     fn energy(&self, view: &PartView<'_>) -> f64 {
         let energy = |stitch: &Stitch| {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
-            let stretch = (b - a).norm() - stitch.closing.length(stitch.gap, view.around.time).0;
+            let stretch = (b - a).norm() - stitch.closing.length(stitch.gap, view.context.time).0;
             // Both ends count their half.
             0.25 * stitch.stiffness * stretch * stretch
         };
@@ -212,7 +212,7 @@ impl Linearised for PartSeams {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
             let (apart, inverse) = direction(b - a);
             if inverse > 0.0 {
-                let (length, _) = stitch.closing.length(stitch.gap, view.around.time);
+                let (length, _) = stitch.closing.length(stitch.gap, view.context.time);
                 let stiffness = factors.stiffness * stitch.stiffness;
                 let across = stiffness * (1.0 - length * inverse).max(0.0);
                 let along = stiffness + factors.damping * stitch.damping;

@@ -120,8 +120,8 @@ struct Air {
 
 impl Air {
     /// Velocity of the air at a place [m/s]; `steady` is that which does not depend on the place.
-    fn at(around: &ForceContext<'_>, steady: &Vec3, place: &Vec3) -> Vec3 {
-        if around.wind.exists() { steady + around.wind.velocity(place, around.time) } else { *steady }
+    fn at(context: &ForceContext<'_>, steady: &Vec3, place: &Vec3) -> Vec3 {
+        if context.wind.exists() { steady + context.wind.velocity(place, context.time) } else { *steady }
     }
 }
 
@@ -197,10 +197,10 @@ impl PartWind {
             let area = across.norm();
             // A triangle without area stops no air.
             *normal = if area > 0.0 { across / area } else { Vec3::zeros() };
-            let wind = Air::at(&view.around, steady, &mean(&x));
+            let wind = Air::at(&view.context, steady, &mean(&x));
             let mut along_normal = -air.tangential;
             if air.density > 0.0 {
-                let relative = wind - mean(&at_corners(corners, view.around.v));
+                let relative = wind - mean(&at_corners(corners, view.context.v));
                 along_normal += air.density * relative.dot(normal).abs();
             }
             // A third of the triangle for each corner, and of that what is painted.
@@ -225,7 +225,7 @@ impl PartWind {
             let length = normal.norm();
             let drag = self.shares[1].get(i).map_or(mass * self.air.normal, |share| share * mass * self.air.normal);
             *normal *= if length > 0.0 { drag.sqrt() / length } else { 0.0 };
-            let wind = Air::at(&view.around, steady, &view.x[view.start + i]);
+            let wind = Air::at(&view.context, steady, &view.x[view.start + i]);
             f[i] += Simd4::from(&*normal) * wind.dot(normal);
         }
     }
@@ -239,7 +239,7 @@ fn dragged(v: &Vec3, normal: &Vec3, [all, along]: &[f64; 2]) -> Vec3 {
 
 impl Force for PartWind {
     fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
-        let steady = self.air.velocity + along_path(&self.air.keys, view.around.time);
+        let steady = self.air.velocity + along_path(&self.air.keys, view.context.time);
         if !self.drags.is_empty() {
             self.push_triangles(view, &steady, f);
         }
@@ -321,8 +321,8 @@ mod tests {
     fn forces(scene: &Scene, v: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
         let x = scene.start_state()[0].clone();
         let (targets, wind) = (PinTargets::default(), WindGrid::default());
-        let around = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
-        let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, around };
+        let context = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
+        let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, context };
         let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
         let mut all: Vec<Box<dyn Force>> =
             effects.into_iter().flat_map(|(_, effect)| effect.forces).map(|(_, force)| force).collect();

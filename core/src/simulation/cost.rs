@@ -77,12 +77,12 @@ impl Simulation {
     /// Seconds of one update and of one damping product of these forces.
     fn time_forces(&self, forces: &mut [PartForce]) -> [f64; 2] {
         let (parts, masses) = (self.scene.parts(), self.scene.masses());
-        let around = self.surroundings();
+        let context = self.force_context();
         let mut nanoseconds = [0; 2];
         for (part, force) in forces.iter_mut() {
             let range = parts.ranges()[*part].clone();
             let x = &self.cloth.state.x[..];
-            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
+            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, context };
             let (mut own_x, mut f) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
             let (own_x, f) = (Simd4::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
             // The fastest of them: what else the machine does is not to count.

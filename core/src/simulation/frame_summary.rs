@@ -73,12 +73,12 @@ impl Simulation {
         }
         let masses = scene.masses();
         self.dynamics.volumes.update(parts, &self.cloth.state.x);
-        let around = self.surroundings();
+        let context = self.force_context();
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
         for (range, forces) in parts.ranges().iter().zip(&self.dynamics.forces) {
             let (own, v) = (&masses[range.clone()], &self.cloth.state.v[range.clone()]);
             kinetic.push(0.5 * weighted_dot(own, v, v));
-            let view = PartView { start: range.start, masses: own, x: &self.cloth.state.x, fraction: 1.0, around };
+            let view = PartView { start: range.start, masses: own, x: &self.cloth.state.x, fraction: 1.0, context };
             potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
@@ -105,8 +105,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// What forces may look at besides positions, now.
-    pub(super) fn surroundings(&self) -> ForceContext<'_> {
+    /// Context of forces besides positions, now.
+    pub(super) fn force_context(&self) -> ForceContext<'_> {
         let (State { time, v, .. }, Dynamics { wind, volumes, .. }) = (&self.cloth.state, &self.dynamics);
         ForceContext { time: *time, targets: &self.prescribed.targets, v, wind, volumes }
     }

@@ -63,7 +63,7 @@ pub(crate) struct ForceEvaluation<'a> {
     /// Fraction of the step that they belong to.
     pub fraction: f64,
     /// What forces see beside them.
-    pub around: ForceContext<'a>,
+    pub context: ForceContext<'a>,
 }
 
 impl ForceEvaluation<'_> {
@@ -97,8 +97,8 @@ impl ForceEvaluation<'_> {
     fn of_part(&self, part: usize, forces: &mut [Box<dyn Force>], out: &mut [Vec3], assembly: Option<Assembly<'_>>) {
         let range = self.parts.ranges()[part].clone();
         let masses = &self.masses[range.clone()];
-        let Self { x, fraction, around, .. } = *self;
-        let view = PartView { start: range.start, masses, x, fraction, around };
+        let Self { x, fraction, context, .. } = *self;
+        let view = PartView { start: range.start, masses, x, fraction, context };
         let mut f = [Simd4::ZERO; PART_SIZE];
         view.update(forces, &mut f);
         let f = &mut f[..range.len()];

@@ -22,7 +22,7 @@ pub struct VelocityProblem<'a> {
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
     /// What forces see beside the positions.
-    pub around: ForceContext<'a>,
+    pub context: ForceContext<'a>,
     /// Hard pins, if there are any.
     pub pins: Option<&'a HardPins>,
     /// Contacts with bodies whose normals are constrained: in the second solve only.
@@ -78,7 +78,7 @@ impl System for DampingSystem<'_> {
             contacts.project(start, r);
         }
         if let Some(pins) = self.problem.pins {
-            pins.project(part, start, self.problem.around.targets, r);
+            pins.project(part, start, self.problem.context.targets, r);
         }
         stop_held(self.problem.held, start, r);
     }
@@ -110,8 +110,8 @@ impl VelocityProblem<'_> {
         self.parts.for_each(slices, &|part, (explicit, out, forces)| {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
-            let Self { x, fraction, around, .. } = *self;
-            let view = PartView { start: range.start, masses, x, fraction, around };
+            let Self { x, fraction, context, .. } = *self;
+            let view = PartView { start: range.start, masses, x, fraction, context };
             let mut f = [Simd4::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
@@ -123,7 +123,7 @@ impl VelocityProblem<'_> {
                 contacts.set_velocities(range.start, out.0);
             }
             if let Some(pins) = self.pins {
-                pins.set_velocities(part, range.start, self.around.targets, out.0);
+                pins.set_velocities(part, range.start, self.context.targets, out.0);
             }
             stop_held(self.held, range.start, explicit.0);
             stop_held(self.held, range.start, out.0);

@@ -45,7 +45,7 @@ impl<'a> Solves<'a> {
         VelocityProblem {
             parts: self.parts,
             masses: self.masses,
-            around: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
+            context: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
             pins: prescribed.pins.as_ref(),
             contacts,
             half_step: 0.5 * dt,

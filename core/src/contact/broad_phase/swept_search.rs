@@ -13,7 +13,7 @@ use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
 
-/// How far around its path a node may meet something: so far [m], and this share of its edges.
+/// Distance from the path of a node within which it may meet something: so far [m], and this share of its edges.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Inflation {
     /// For all nodes alike [m].
@@ -39,7 +39,7 @@ impl Inflation {
 }
 
 impl PairSearch {
-    /// Finds the pairs of this rank that may come within `around` on their paths. All ranks call it together. Ghosts may come
+    /// Finds the pairs of this rank that may come within `inflation` on their paths. All ranks call it together. Ghosts may come
     /// to the ones there are: then the paths and the proximity list are laid out anew, and what nodes are called now is
     /// returned.
     pub(crate) fn swept_pairs(
@@ -47,18 +47,18 @@ impl PairSearch {
         surface: &mut ContactSurface,
         proximity: &mut ProximityList,
         paths: &mut NodePaths,
-        around: Inflation,
+        inflation: Inflation,
         found: &mut Vec<Pair>,
     ) -> Option<IndexMap> {
         // What all do alike brings no two of them closer.
         let shift = proximity.common_shift();
         self.shift = shift;
-        self.refit(surface, |i| around.swept(surface, paths, &shift, i));
+        self.refit(surface, |i| inflation.swept(surface, paths, &shift, i));
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, proximity, paths);
         }
-        self.refit_ghosts(surface, |i| around.swept(surface, paths, &shift, i));
+        self.refit_ghosts(surface, |i| inflation.swept(surface, paths, &shift, i));
         self.pairs(surface, |pair, out| out.push(pair), found);
         renumber
     }
@@ -70,11 +70,11 @@ impl PairSearch {
         surface: &mut ContactSurface,
         proximity: &mut ProximityList,
         paths: &mut NodePaths,
-        around: Inflation,
+        inflation: Inflation,
         SweptPairs { left, found }: SweptPairs<'_>,
     ) -> Option<IndexMap> {
         for node in surface.nodes().own().filter(|node| left[*node] != 0) {
-            self.node_boxes[node] = around.swept(surface, paths, &self.shift, node);
+            self.node_boxes[node] = inflation.swept(surface, paths, &self.shift, node);
         }
         // The box of a ghost is that of its owner, who judges whether it is left.
         self.exchange(surface.nodes(), left);

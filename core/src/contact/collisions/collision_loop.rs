@@ -199,18 +199,18 @@ impl CollisionLoop {
         paths: &mut NodePaths,
         metrics: &mut Metrics,
     ) {
-        let (around, surface) = (Inflation { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
+        let (inflation, surface) = (Inflation { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
         let found = &mut self.candidates;
         let renumber = match source {
-            CandidateSource::ProximityList => return proximity.close_pairs(around.gap, around.margin, found),
+            CandidateSource::ProximityList => return proximity.close_pairs(inflation.gap, inflation.margin, found),
             CandidateSource::Swept => {
                 metrics.count_once(surface.ranks(), "swept_searches", 1);
-                search.swept_pairs(surface, proximity, paths, around, found)
+                search.swept_pairs(surface, proximity, paths, inflation, found)
             }
             CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
                 let pairs = SweptPairs { left: &mut self.left, found };
-                search.update_swept_pairs(surface, proximity, paths, around, pairs)
+                search.update_swept_pairs(surface, proximity, paths, inflation, pairs)
             }
         };
         self.left.fill(0);

@@ -196,7 +196,7 @@ impl Response {
         let opens = !collisions.is_empty() || !zones.is_empty();
         let opened = opens.then_some(Opened { collisions, zones, motions });
         let mut all = Opened::default();
-        for opened in nodes.ranks().all_gather_encoded("open hits and zones", opened.into_iter().collect()) {
+        for opened in nodes.ranks().all_gather_encoded("open collisions and zones", opened.into_iter().collect()) {
             all.collisions.extend(opened.collisions);
             all.zones.extend(opened.zones);
             self.remote_motion.extend(opened.motions);
@@ -268,7 +268,8 @@ impl Response {
         changed.dedup();
         let changed = changed.into_iter().map(|place| place as usize);
         let changed = changed.map(|place| MovedNode { number: numbers[place], displacement: moved[place] }).collect();
-        for MovedNode { number, displacement } in nodes.ranks().all_gather_encoded("nodes of open hits", changed) {
+        for MovedNode { number, displacement } in nodes.ranks().all_gather_encoded("nodes of open collisions", changed)
+        {
             if nodes.owns(number) {
                 displacements[kinematics.local(number) as usize] = displacement;
                 touched.push(kinematics.local(number));
@@ -406,7 +407,7 @@ fn named_by_others(nodes: &ContactNodes, collisions: &[Collision]) -> Vec<u32> {
         let named = &ghosts[place(range.start)..place(range.end)];
         named.iter().map(|ghost| ghost - range.start as u32).collect()
     };
-    const NAME: &str = "nodes of hits";
+    const NAME: &str = "nodes of collisions";
     let mut named = Vec::new();
     for ((_, list), places) in halo.sends().iter().zip(halo.tell_owners::<u32>(nodes.ranks(), NAME, named_of)) {
         let place = |place: u32| message::index(nodes.ranks().rank(), NAME, place, list.len());

@@ -62,9 +62,9 @@ fn forces(scene: &Scene) -> Vec<PartForce> {
 /// Work on a part of the scene, with nothing around it.
 fn with_view<R>(scene: &Scene, part: usize, x: &[Vec3], work: impl FnOnce(&PartView<'_>) -> R) -> R {
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
-    let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+    let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
     let range = scene.parts().ranges()[part].clone();
-    work(&PartView { start: range.start, masses: &scene.masses()[range], x, fraction: 0.0, around })
+    work(&PartView { start: range.start, masses: &scene.masses()[range], x, fraction: 0.0, context })
 }
 
 /// What `work` on each force adds to the vertices of its part.

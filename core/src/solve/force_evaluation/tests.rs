@@ -45,9 +45,9 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
     let (mut forces, mut matrix, slots) = forces(scene);
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let mut force = |x: &[Vec3], v_at: &[Vec3], matrix: Option<&mut BlockMatrix>| {
-        let around = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
+        let context = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
         let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
-        let at = ForceEvaluation { parts, masses, solved, x, v: v_at, fraction: 0.0, around };
+        let at = ForceEvaluation { parts, masses, solved, x, v: v_at, fraction: 0.0, context };
         let mut f = vec![Vec3::zeros(); x.len()];
         match matrix {
             Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix, &slots),
@@ -139,15 +139,15 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         let (mut forces, ..) = forces(&scene);
         let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
         let (x, s) = (stretched(&scene), direction(N * N));
-        let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+        let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let (v, mut f) = (vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]);
         let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
-        ForceEvaluation { parts, masses, solved, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
+        ForceEvaluation { parts, masses, solved, x: &x, v: &v, fraction: 0.0, context }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
             let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn Force>>)| -> f64 {
                 let masses = &masses[range.clone()];
-                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
+                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, context };
                 forces.iter().map(|force| force.energy(&view)).sum()
             };
             parts.ranges().iter().zip(&forces).map(of_part).sum()

@@ -90,8 +90,8 @@ impl Stages<'_> {
         let StageArrays { matrix, slots, x, v, f, unconverged: solved, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
-        let around = ForceContext { time: self.at.start.time + fraction * dt, targets, v, wind, volumes };
-        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, solved, x, v, fraction, around };
+        let context = ForceContext { time: self.at.start.time + fraction * dt, targets, v, wind, volumes };
+        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, solved, x, v, fraction, context };
         if with_matrix {
             let factors = BlockFactors { damping: alpha, stiffness: alpha * alpha };
             at.linearise(self.forces, f, factors, matrix, slots);
