@@ -3,7 +3,8 @@
 //!     cargo run --release -p drapery-core --example ccd_queries -- point_triangle queries.f64 GAP > answers.csv
 //!
 //! The file holds 24 little-endian `f64` a query: four points at time 0, the same four at time 1. The first line of
-//! the answer is the number of queries a second (best of some passes), the others are `hit,time`.
+//! the answer is the number of queries a second (best of some passes), the others are `hit,time`. It looks into a room of the solver,
+//! `contact::ccd`, which is not part of the facade.
 
 use std::error::Error;
 use std::hint::black_box;

@@ -1,13 +1,10 @@
 //! A hundred steps of a small fixed scene on one thread, for counting instructions: what is not asked for costs nothing,
 //! whether the build has it or not (docs/dev/measurements/effects.md). Prints the number of steps and a digest of the positions.
 
-use drapery_core::Vec3;
-use drapery_core::geometry::shapes::Shape;
-use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene, SceneDescription,
+use drapery_core::{
+    BodyDescription, BodyShape, EffectRequest, FrameInput, GarmentDescription, PolygonMesh, RigidMotion, Scene,
+    SceneDescription, Shape, Simulation, Vec3,
 };
-use drapery_core::simulation::{FrameInput, Simulation};
 
 /// Vertices along a side of the sheet.
 const SIDE: u32 = 16;

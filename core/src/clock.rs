@@ -13,7 +13,7 @@ impl Watch {
     }
 
     /// Nanoseconds since it was started.
-    pub fn nanoseconds(self) -> u64 {
+    pub(crate) fn nanoseconds(self) -> u64 {
         u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
     }
 

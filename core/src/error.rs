@@ -3,13 +3,19 @@
 use std::fmt;
 
 /// One thing wrong with a scene: where, what, and what to do.
+///
+/// ```
+/// use drapery_core::Problem;
+/// let problem = Problem::scene("garment \"skirt\"", "its density is zero", "give it in kg/m²");
+/// assert_eq!(problem.to_string(), "garment \"skirt\": its density is zero\n  help: give it in kg/m²");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
     /// Object and element, for example `garment "skirt", face 12`.
     pub place: String,
-    /// What is wrong, and why it matters.
+    /// Fault, and why it matters.
     pub what: String,
-    /// What to do.
+    /// Advice: the thing to do.
     pub advice: String,
     /// Whether the scene's settings are at fault, or the data of an input file.
     pub kind: ProblemKind,
@@ -43,6 +49,14 @@ impl fmt::Display for Problem {
 }
 
 /// All problems of a scene; never empty.
+///
+/// ```
+/// use drapery_core::{EffectRequest, Problems, Scene, SceneDescription};
+/// let mut description = SceneDescription::new("misspelt");
+/// description.effects.push(EffectRequest::of_scene("gravty"));
+/// let problems: Problems = Scene::validate(description).expect_err("no effect has this name");
+/// assert!(problems.to_string().contains("gravity"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problems(pub Vec<Problem>);
 
@@ -87,7 +101,20 @@ impl fmt::Display for ShortStep {
     }
 }
 
-/// Why a step could not be made.
+/// Error of a step: where and when it happened, and what to do.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, Scene, Simulation, StepError};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// let skipped = simulation.advance(&FrameInput::to_frame(2));
+/// assert!(matches!(skipped, Err(StepError::Input { frame: 2, .. })));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// A position or velocity became infinite or not a number.
@@ -124,7 +151,7 @@ pub enum StepError {
         dt: f64,
         /// Smallest step allowed [s].
         min_dt: f64,
-        /// What asked for it.
+        /// Cause of it.
         because: ShortStep,
     },
     /// A frame takes far more steps than the cloth asks for.
@@ -148,7 +175,7 @@ pub enum StepError {
     Input {
         /// Frame asked for.
         frame: i64,
-        /// What is wrong.
+        /// Fault of the input.
         what: String,
     },
 }

@@ -5,6 +5,14 @@ use crate::Vec3;
 /// Polygons of any size over points [m]; kept for output exactly as they were read.
 ///
 /// Faces wind counter-clockwise seen from outside.
+///
+/// ```
+/// use drapery_core::{PolygonMesh, Vec3};
+/// let points = vec![Vec3::zeros(), Vec3::z(), Vec3::x() + Vec3::z(), Vec3::x()];
+/// let quad = PolygonMesh { points, face_counts: vec![4], face_indices: vec![0, 1, 2, 3] };
+/// let (triangles, polygons) = quad.triangulate();
+/// assert_eq!((triangles.len(), polygons), (2, vec![0, 0]));
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PolygonMesh {
     /// Positions [m].
@@ -176,7 +184,7 @@ impl TriangleMesh {
 
     /// The mesh of these triangles, each with its polygon, over rest positions [m], with its edges (ascending by vertex
     /// numbers) and hinges (every pair of triangles that share an edge, also where more than two meet).
-    pub fn of_triangles(rest_positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, polygons: Vec<u32>) -> Self {
+    pub(crate) fn of_triangles(rest_positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, polygons: Vec<u32>) -> Self {
         let at = |i: u32| rest_positions[i as usize];
         let rest_areas: Vec<f64> =
             triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm()).collect();

@@ -20,6 +20,16 @@ pub struct Stage {
 }
 
 /// Stages in the order of their first call, and counts.
+///
+/// ```
+/// use drapery_core::Metrics;
+/// let (mut of_frame, mut of_run) = (Metrics::default(), Metrics::default());
+/// of_frame.count("crossings", 2);
+/// for _ in 0..3 {
+///     of_run.add(&of_frame);
+/// }
+/// assert_eq!((of_run.counted("crossings"), of_run.counted("never counted")), (6, 0));
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Metrics {
     stages: Vec<Stage>,

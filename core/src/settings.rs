@@ -15,6 +15,13 @@ pub(crate) use member::written;
 pub use member::{Member, Written};
 
 /// A value as written in a scene.
+///
+/// ```
+/// use drapery_core::{REGISTRY, SettingValue};
+/// let stretch = REGISTRY.iter().find(|spec| spec.name == "stretch").expect("it is in every build");
+/// let stiffness = stretch.fields.iter().find(|field| field.name == "stiffness").expect("a setting of stretch");
+/// assert_eq!(stiffness.check(&SettingValue::Text("2 N/cm".into())), Ok(SettingValue::Number(200.0)));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum SettingValue {
     /// A bare number, in the field's SI unit.

@@ -50,20 +50,24 @@ pub(crate) const BESIDE_SURFACE: f64 = 1e-3;
 /// Smallest eigenvalue of the correlation of the angles around a triangle that counts as it is: below, its six vertices lie near
 /// a conic, and the angles hardly tell curvatures apart. A hundredth couples no two angles more than a hundred times as stiffly as
 /// each is held alone. Guarded by `a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for`.
-pub const CONIC_TRIANGLE: f64 = 0.01;
+#[cfg(feature = "effects")]
+pub(crate) const CONIC_TRIANGLE: f64 = 0.01;
 
 /// Share of its height at rest below which a triangle is too flat for the angle at its base to act. Guarded by
 /// `a_squashed_triangle_is_left_out_and_counted`.
-pub const SQUASHED: f64 = 0.1;
+#[cfg(feature = "effects")]
+pub(crate) const SQUASHED: f64 = 0.1;
 
 /// Strain beyond a limit on strain that counts as keeping it: a hundredth of what cloth does not show. Guarded by
 /// `a_chain_under_load_stops_at_its_limit`.
-pub const STRAIN_OVER_LIMIT: f64 = 1e-4;
+#[cfg(feature = "effects")]
+pub(crate) const STRAIN_OVER_LIMIT: f64 = 1e-4;
 
 /// Area of a deformed triangle, by the sum of the squares of its stretches, below which the side that it faces is not known
 /// well enough to push along. The rounding of positions metres away from the origin by edges of a millimetre is a thousandth
 /// of it. Guarded by `a_triangle_collapsed_to_a_line_or_a_point_has_finite_forces_along_what_is_left`.
-pub const FLAT_TRIANGLE: f64 = 1e-9;
+#[cfg(feature = "effects")]
+pub(crate) const FLAT_TRIANGLE: f64 = 1e-9;
 
 /// Strain of an edge between two pinned vertices above which it counts as torn apart: twice what the most elastic woven cloth
 /// gives, and more than skin stretches below a waistband. Guarded by

@@ -6,6 +6,13 @@ use crate::error::Problem;
 use crate::scene::WindGridShape;
 
 /// Velocities of the air on all nodes of a grid at one time.
+///
+/// ```
+/// use drapery_core::{FrameInput, Vec3, WindSample};
+/// let gust = WindSample { time: 1.0 / 24.0, velocities: vec![Vec3::new(3.0, 0.0, 0.0); 8] };
+/// let input = FrameInput { wind: vec![gust], ..FrameInput::to_frame(1) };
+/// assert_eq!(input.wind[0].velocities.len(), 2 * 2 * 2);
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WindSample {
     /// Solver time [s].
@@ -27,7 +34,7 @@ impl WindGrid {
     ///
     /// # Errors
     /// There is no sample, or one that does not fit the grid.
-    pub fn new(shape: Option<WindGridShape>, start: &[WindSample]) -> Result<Self, Problem> {
+    pub(crate) fn new(shape: Option<WindGridShape>, start: &[WindSample]) -> Result<Self, Problem> {
         let Some(shape) = shape else { return Ok(Self::default()) };
         let problem = |what: String| {
             Problem::data("wind", what, "give velocities for every node of the grid from the first frame on")

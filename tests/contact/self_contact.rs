@@ -1,9 +1,5 @@
 //! Cloth against cloth: what starts free of crossings stays free of them, exactly, in every frame.
 
-use drapery_core::Vec3;
-use drapery_core::geometry::aabb::Aabb;
-use drapery_core::geometry::bvh::Bvh;
-use drapery_core::geometry::crossings::{self, EdgeOwners, Surface};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
@@ -13,6 +9,7 @@ use drapery_core::scene::{
 };
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_core::snapshot::Values;
+use drapery_core::{Vec3, self_intersections};
 use drapery_tests::*;
 
 const THICKNESS: f64 = 1e-3;
@@ -66,10 +63,7 @@ pub(crate) fn crossings_as_stored(simulation: &Simulation, store: impl Fn(f64) -
         triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + first)));
     }
     let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(&store)).collect();
-    let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
-    let tree = Bvh::build(&triangles.iter().map(box_of).collect::<Vec<_>>());
-    let owners = EdgeOwners::new(&triangles);
-    crossings::find(&Surface { triangles: &triangles, owners: &owners, positions: &x, tree: &tree }).len()
+    self_intersections(&triangles, &x).len()
 }
 
 /// Runs frame by frame; nothing may cross in any of them. Returns the counts of all frames.

@@ -9,6 +9,7 @@ mod curves_picture;
 mod dependencies;
 mod docs;
 mod effects_page;
+mod facade;
 mod layers;
 mod limits;
 mod pages;

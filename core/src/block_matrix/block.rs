@@ -77,6 +77,7 @@ pub(crate) fn full_block(values: &[f32; 9]) -> Matrix3<f64> {
 }
 
 /// Adds the block with these values by row and column.
+#[cfg(any(test, feature = "effects"))]
 #[inline(always)]
 pub(super) fn add(sums: &mut [f32; 9], value: impl Fn(usize, usize) -> f64) {
     for (sum, (row, column)) in sums.iter_mut().zip(PLACES) {

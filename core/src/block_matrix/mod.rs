@@ -29,9 +29,10 @@ use crate::Vec3;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use block::{
-    Coefficients, OuterFactor, add, add_symmetric, full_block, full_symmetric, stored_symmetric,
-    subtract_outer_product, symmetric_product,
+    Coefficients, OuterFactor, add_symmetric, full_block, full_symmetric, subtract_outer_product, symmetric_product,
 };
+#[cfg(any(test, feature = "effects"))]
+use block::{add, stored_symmetric};
 use pattern::Pattern;
 pub use pattern::Slot;
 
@@ -94,7 +95,8 @@ impl PartBlocks {
     }
 
     /// Adds a symmetric block to D of a vertex of the part, counted from its first. Units are those of A.
-    pub fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
+    #[cfg(any(test, feature = "effects"))]
+    pub(crate) fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
         let sums = &mut self.diagonal[6 * vertex..6 * vertex + 6];
         sums.iter_mut().zip(stored_symmetric(block)).for_each(|(sum, value)| *sum += value);
     }
@@ -117,8 +119,9 @@ impl PartBlocks {
     }
 
     /// Adds to B_ab, and thereby to B_ba. Once for each part that has the pair.
+    #[cfg(any(test, feature = "effects"))]
     #[inline]
-    pub fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
+    pub(crate) fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
         let sums = self.block(slot);
         if slot.is_transposed() {
             add(sums, |row, column| block[(column, row)]);

@@ -27,7 +27,7 @@ use crate::scene::SceneDescription;
 use crate::settings::Settings;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "attachments",
     summary: "soft pins: springs pull vertices to target positions",
     scope: Scope::Implied,

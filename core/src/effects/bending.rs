@@ -18,7 +18,7 @@ use crate::mesh::TriangleMesh;
 use crate::settings::{Field, Settings};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "bending",
     summary: "springs across the inner edges resist folding",
     scope: Scope::Garment,

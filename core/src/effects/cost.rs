@@ -40,7 +40,13 @@ impl FrameCost {
 
     /// Measured in a frame of so many steps and iterations: `forces` are the seconds that each effect's forces took in it, the
     /// stages say the rest.
-    pub fn measured(plan: &[PlannedEffect], metrics: &Metrics, steps: u64, iterations: u64, forces: &[f64]) -> Self {
+    pub(crate) fn measured(
+        plan: &[PlannedEffect],
+        metrics: &Metrics,
+        steps: u64,
+        iterations: u64,
+        forces: &[f64],
+    ) -> Self {
         let mut effects = forces.to_vec();
         let mut method: f64 =
             metrics.stages().iter().map(|stage| stage.seconds).sum::<f64>() - forces.iter().sum::<f64>();

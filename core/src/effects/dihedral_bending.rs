@@ -34,7 +34,7 @@ use elements::{Element, Rigidity};
 use part_hinges::Laws;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "dihedral_bending",
     summary: "angles between triangles resist bending, with a measured rigidity",
     scope: Scope::Garment,

@@ -22,7 +22,7 @@ use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "ether_drag",
     summary: "global drag: slows all motion relative to the air, in proportion to the speed",
     scope: Scope::Scene,

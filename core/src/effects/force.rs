@@ -72,7 +72,12 @@ pub struct PartMotion<'a> {
 
 impl<'a> PartMotion<'a> {
     /// Calls `work` with the motion of a part that holds these vertices.
-    pub fn with<R>(part: Range<usize>, x: &'a [Vec3], v: &'a [Vec3], work: impl FnOnce(&PartMotion<'_>) -> R) -> R {
+    pub(crate) fn with<R>(
+        part: Range<usize>,
+        x: &'a [Vec3],
+        v: &'a [Vec3],
+        work: impl FnOnce(&PartMotion<'_>) -> R,
+    ) -> R {
         let (mut own_x, mut own_v) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
         let own_x = Simd4::copy(&x[part.clone()], &mut own_x);
         let own_v = Simd4::copy(&v[part], &mut own_v);
@@ -178,7 +183,7 @@ pub trait Plastic {
 
 /// What a velocity is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// v½ in B.2: it takes the positions to the end of the step.
     Positions,
     /// v' in B.8: the velocity at the end of the step.
@@ -187,21 +192,22 @@ pub enum Purpose {
 
 /// The step as a change of velocities sees it.
 #[derive(Clone, Copy)]
-pub struct FilterStep<'a> {
+#[cfg_attr(not(feature = "effects"), expect(dead_code, reason = "the effects that look at it have this feature"))]
+pub(crate) struct FilterStep<'a> {
     /// The split of the vertices.
-    pub parts: &'a Parts,
+    pub(crate) parts: &'a Parts,
     /// Inverse masses of the local vertices by axis, zero where held [1/kg]; ghosts are those of their owners.
-    pub mobility: &'a [Vec3],
+    pub(crate) mobility: &'a [Vec3],
     /// Positions of the local vertices [m], likewise.
-    pub x: &'a [Vec3],
+    pub(crate) x: &'a [Vec3],
     /// Length of the step [s].
-    pub dt: f64,
+    pub(crate) dt: f64,
     /// What the velocities are for.
-    pub purpose: Purpose,
+    pub(crate) purpose: Purpose,
 }
 
 /// A change of velocities after self-repulsion, in B.2 and B.8.
-pub trait VelocityFilter: Send + Sync {
+pub(crate) trait VelocityFilter: Send + Sync {
     /// Names of its stages in B.2 and in B.8.
     fn stages(&self) -> [&'static str; 2];
 

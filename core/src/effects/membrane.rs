@@ -44,7 +44,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 use element::{Gradients, Law, Moduli, gradients, largest_stiffness};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "membrane",
     summary: "finite elements resist stretching along warp and weft, and shear, each with its own stiffness",
     scope: Scope::Garment,

@@ -15,7 +15,7 @@ use crate::scene::SceneDescription;
 use crate::settings::Settings;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "pins",
     summary: "hard pins: kinematic vertices that follow their targets exactly",
     scope: Scope::Implied,

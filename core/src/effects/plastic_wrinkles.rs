@@ -29,7 +29,7 @@ use crate::snapshot::saved_section::SectionId;
 const SECTION: SectionId = SectionId { name: "plastic_wrinkles", version: 1 };
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "plastic_wrinkles",
     summary: "plasticity in bending: sharp folds leave permanent creases",
     scope: Scope::Garment,

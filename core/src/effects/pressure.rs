@@ -25,7 +25,8 @@
 use crate::Vec3;
 use crate::effects::force::{Force, ForceContext, PartView};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
-use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
+use crate::elements::at_corners;
+use crate::elements::part_triangles::{PartTriangles, area_vector};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
 use crate::parallel::problems::listed;
@@ -35,7 +36,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 use crate::volumes::{Volume, own_in_mesh, volume_of};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "pressure",
     summary: "pressure inside a closed garment pushes outwards",
     scope: Scope::Garment,

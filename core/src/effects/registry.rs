@@ -13,7 +13,13 @@ use crate::settings::Settings;
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
     ($($module:ident $(if $feature:literal)?,)*) => {
-        /// All effects of this build, in the order of execution.
+        /// Table of all effects of this build, in the order of execution.
+        ///
+        /// ```
+        /// use drapery_core::REGISTRY;
+        /// let names: Vec<&str> = REGISTRY.iter().map(|spec| spec.name).collect();
+        /// assert!(["gravity", "stretch", "pins", "self_collision"].iter().all(|name| names.contains(name)));
+        /// ```
         pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &$module::SPEC),*];
 
         /// Names of all effects of the program, in the order of execution.

@@ -32,7 +32,7 @@ use crate::scene::{Scene, SeamDescription};
 use crate::settings::Settings;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "seams",
     summary: "pairs of vertices are sewn together",
     scope: Scope::Implied,

@@ -31,7 +31,7 @@ use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "shear",
     summary: "springs along the shortest altitude of each triangle resist shearing and collapse",
     scope: Scope::Garment,

@@ -43,14 +43,21 @@ pub enum Need {
 /// Nanoseconds in a second.
 pub(crate) const NANOSECONDS: f64 = 1e9;
 
-/// What the registry knows of an effect.
+/// Row of an effect in the table [`REGISTRY`](crate::REGISTRY).
+///
+/// ```
+/// use drapery_core::{EffectSpec, REGISTRY};
+/// let gravity: &EffectSpec = REGISTRY.iter().find(|spec| spec.name == "gravity").expect("it is in every build");
+/// let settings: Vec<&str> = gravity.fields.iter().map(|field| field.name).collect();
+/// assert_eq!(settings, ["acceleration"]);
+/// ```
 #[derive(Debug)]
 pub struct EffectSpec {
     /// The word in the scene file, and the file's name.
     pub name: &'static str,
     /// One line for help and the reference page.
     pub summary: &'static str,
-    /// Where it is asked for.
+    /// Place where a scene asks for it.
     pub scope: Scope,
     /// Lines of a scene that ask for it, for the reference page: on a square sheet called "sheet", under its `[[garment]]`.
     pub example: &'static str,
@@ -60,7 +67,7 @@ pub struct EffectSpec {
     pub needs: &'static [Need],
     /// Effects without which it has no meaning, on the same garment or in the whole scene.
     pub requires: &'static [&'static str],
-    /// What it works on, as in "springs"; it may be many elements or few.
+    /// Elements that it works on, as in "springs"; many or few.
     pub elements: &'static str,
     /// Painted maps that it looks at.
     pub maps: &'static [MapSpec],
@@ -71,13 +78,13 @@ pub struct EffectSpec {
     /// Expected memory and time.
     pub cost: Cost,
     /// Setting of a request that takes the side of the faces for a side of the cloth, in words.
-    pub looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
+    pub(crate) looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
     /// Between what there is friction in it, in words; `None` if there cannot be any.
     pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
     /// The section of a snapshot with what time changes in it; `None` if nothing does.
     pub section: Option<SectionId>,
     /// Makes the effect for one garment or for the whole scene.
-    pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+    pub(crate) build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
 }
 
 /// Part of an effect in the report of a run.
@@ -86,14 +93,14 @@ pub struct Report {
     /// Stages of a step that are its own work.
     pub stages: &'static [&'static str],
     /// Stages that are its work where no other effect of the scene has them as its own.
-    pub shared_stages: &'static [&'static str],
+    pub(crate) shared_stages: &'static [&'static str],
     /// Its counts, besides the iterations of the solves; docs/reference/counts.md explains each.
     pub counts: &'static [&'static str],
 }
 
 impl Report {
     /// No stages and no counts.
-    pub const NONE: Self = Self { stages: &[], shared_stages: &[], counts: &[] };
+    pub(crate) const NONE: Self = Self { stages: &[], shared_stages: &[], counts: &[] };
 }
 
 /// Properties of an effect for studies and checks of motion.
@@ -112,11 +119,11 @@ pub struct Study {
 
 impl Study {
     /// Effects that push cloth from outside, and that a shot can do without.
-    pub const OUTSIDE: Self =
+    pub(crate) const OUTSIDE: Self =
         Self { is_internal: false, is_essential: false, does_work: None, limits_long_steps: false };
 
     /// Effects that act between vertices of cloth, or on all alike.
-    pub const INTERNAL: Self = Self { is_internal: true, ..Self::OUTSIDE };
+    pub(crate) const INTERNAL: Self = Self { is_internal: true, ..Self::OUTSIDE };
 }
 
 /// Expected memory and time of an effect.
@@ -133,12 +140,12 @@ pub struct Cost {
 
 impl Cost {
     /// None that counts.
-    pub const NONE: Self = Self { bytes_of_point: 0.0, update: 0.0, product: 0.0 };
+    pub(crate) const NONE: Self = Self { bytes_of_point: 0.0, update: 0.0, product: 0.0 };
 }
 
 impl EffectSpec {
     /// Effects of whose table that is all: no maps, section, stages or counts.
-    pub const BARE: Self = Self {
+    pub(crate) const BARE: Self = Self {
         name: "",
         summary: "",
         scope: Scope::Scene,
@@ -167,29 +174,30 @@ pub struct MapSpec {
     /// for what every garment has.
     pub rows: &'static [&'static str],
     /// Whether it can only be a share of what the effect does: what has several numbers.
-    pub is_share: bool,
+    pub(crate) is_share: bool,
     /// Whether there is a number in the scene that it varies on a garment; `None` if there always is one.
-    pub varies: Option<fn(&SceneDescription, usize) -> bool>,
+    pub(crate) varies: Option<fn(&SceneDescription, usize) -> bool>,
 }
 
 impl MapSpec {
     /// A map of a number that the effect always has, by one of these rows.
-    pub const fn of(name: &'static str, rows: &'static [&'static str]) -> Self {
+    pub(crate) const fn of(name: &'static str, rows: &'static [&'static str]) -> Self {
         Self { name, rows, is_share: false, varies: None }
     }
 
     /// A map of what has several numbers, by these rows.
-    pub const fn fraction(name: &'static str, rows: &'static [&'static str]) -> Self {
+    #[cfg(feature = "effects")]
+    pub(crate) const fn fraction(name: &'static str, rows: &'static [&'static str]) -> Self {
         Self { name, rows, is_share: true, varies: None }
     }
 }
 
 /// What an effect may look at while it is made.
-pub struct BuildContext<'a> {
+pub(crate) struct BuildContext<'a> {
     /// The checked scene.
-    pub scene: &'a Scene,
+    pub(crate) scene: &'a Scene,
     /// The garment it acts on; `None` for the whole scene.
-    pub garment: Option<usize>,
+    pub(crate) garment: Option<usize>,
 }
 
 /// What an effect puts into the step.
@@ -198,27 +206,27 @@ pub struct Effect {
     /// Forces, each on one part.
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
-    pub pins: Option<HardPins>,
+    pub(crate) pins: Option<HardPins>,
     /// What changes velocities between the solves.
-    pub filters: Vec<Box<dyn VelocityFilter>>,
+    pub(crate) filters: Vec<Box<dyn VelocityFilter>>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
-    pub self_repulsion: Option<(Laws, f64)>,
+    pub(crate) self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
-    pub self_collision: Option<CollisionSettings>,
+    pub(crate) self_collision: Option<CollisionSettings>,
     /// A volume that its forces look at in [`crate::effects::force::ForceContext::volumes`].
-    pub volume: Option<Volume>,
+    pub(crate) volume: Option<Volume>,
     /// Whether its forces look at [`crate::effects::force::ForceContext::v`].
-    pub sees_velocities: bool,
+    pub(crate) sees_velocities: bool,
     /// The section with what forces remember of elements that have yielded.
-    pub yields: Option<SectionId>,
+    pub(crate) yields: Option<SectionId>,
     /// Number of elements that the rank owns, of the kind that the registry names.
-    pub elements: usize,
+    pub(crate) elements: usize,
     /// Memory held [bytes].
-    pub bytes: usize,
+    pub(crate) bytes: usize,
     /// What the effect had to change to run well, for `drapery plan`.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// Number of triangles of cloth that the rank owns, each with its first vertex.

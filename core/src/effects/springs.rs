@@ -18,7 +18,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stiffness {
+pub(crate) enum Stiffness {
     /// Membrane stiffness Y [N/m]: `k = Y · A / l0²` with A the rest area next to the spring, so that the cloth's
     /// stiffness does not depend on the mesh (exact for equilateral triangles: k = Y √3/2). Source: A. Van Gelder,
     /// "Approximate simulation of elastic membranes by triangulated spring meshes", 1998.
@@ -30,7 +30,7 @@ pub enum Stiffness {
 
 /// One spring before it is sorted into parts.
 #[derive(Debug, Clone, Copy)]
-pub struct SpringElement {
+pub(crate) struct SpringElement {
     /// Vertices in the garment's own order.
     pub vertices: [u32; 2],
     /// Length at rest [m], positive.
@@ -40,7 +40,7 @@ pub struct SpringElement {
 }
 
 /// The settings of springs, with the help of those along edges (`stretch`); shear and bending have their own.
-pub const FIELDS: &[Field] = &[
+pub(crate) const FIELDS: &[Field] = &[
     Field {
         name: "stiffness",
         dimension: Dimension::Stiffness,
@@ -255,7 +255,7 @@ pub(super) fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
 }
 
 /// Springs along the edges of a mesh.
-pub fn along_edges(mesh: &TriangleMesh) -> Vec<SpringElement> {
+pub(crate) fn along_edges(mesh: &TriangleMesh) -> Vec<SpringElement> {
     let elements = mesh.edges().iter().zip(mesh.edge_areas());
     elements
         .map(|(e, area)| SpringElement { vertices: e.vertices, rest_length: mesh.rest_length(*e), area: *area })

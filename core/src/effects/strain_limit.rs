@@ -37,7 +37,7 @@ use crate::tolerances::STRAIN_OVER_LIMIT;
 use part_edges::PartEdges;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "strain_limit",
     summary: "strain limiting: edges stop at a largest stretch",
     scope: Scope::Garment,

@@ -17,7 +17,7 @@ use crate::error::Problem;
 use crate::settings::Settings;
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "stretch",
     summary: "springs along the edges resist stretching and compression",
     scope: Scope::Garment,

@@ -36,7 +36,8 @@ use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, ForceContext, Linearised, PartMotion, PartView};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
-use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
+use crate::elements::at_corners;
+use crate::elements::part_triangles::{PartTriangles, area_vector};
 use crate::error::Problem;
 use crate::geometry::attachment::along_path;
 use crate::parallel::simd4::Simd4;
@@ -44,7 +45,7 @@ use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
-pub static SPEC: EffectSpec = EffectSpec {
+pub(crate) static SPEC: EffectSpec = EffectSpec {
     name: "wind",
     summary: "wind and air resistance: drag by the velocity of cloth relative to the air",
     scope: Scope::Scene,

@@ -3,6 +3,8 @@
 //! An element over a border is evaluated by every part that has one of its corners, from the same numbers in the same order;
 //! each part keeps what concerns its own vertices.
 
+#![cfg(feature = "effects")]
+
 use std::ops::Range;
 
 use crate::parallel::parts::Parts;
@@ -33,7 +35,6 @@ pub(crate) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterat
 }
 
 /// Values at the corners of an element: from the part's own, which begin at the vertex `start`, or from those of all vertices.
-#[cfg(feature = "effects")]
 pub(crate) fn gather<const N: usize>(
     start: usize,
     corners: [u32; N],
@@ -58,7 +59,6 @@ pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd
 }
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
-#[cfg(feature = "effects")]
 pub(crate) fn own_fraction<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }

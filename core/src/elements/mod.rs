@@ -3,3 +3,11 @@
 
 pub(crate) mod corners;
 pub(crate) mod part_triangles;
+
+use crate::Vec3;
+
+/// Values of vertices at the corners of a triangle.
+#[inline]
+pub(crate) fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
+    corners.map(|v| of[v as usize])
+}

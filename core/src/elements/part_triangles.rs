@@ -1,6 +1,8 @@
 //! The triangles of one part: those with at least one of its vertices, in the order of the scene. A triangle across a border
 //! is evaluated by all parts that own a corner, with the same operands; each adds to its own corners only.
 
+#![cfg(feature = "effects")]
+
 use std::ops::Range;
 
 use crate::Vec3;
@@ -10,7 +12,7 @@ use crate::scene::Scene;
 
 /// The triangles that one part looks at.
 #[derive(Debug, Clone)]
-pub struct PartTriangles {
+pub(crate) struct PartTriangles {
     /// The part's vertices.
     own: Range<usize>,
     /// Corners, local vertices.
@@ -21,7 +23,7 @@ pub struct PartTriangles {
 
 impl PartTriangles {
     /// The triangles of these garments, part by part; parts without any are left out.
-    pub fn of(scene: &Scene, garments: Range<usize>) -> Vec<(usize, Self)> {
+    pub(crate) fn of(scene: &Scene, garments: Range<usize>) -> Vec<(usize, Self)> {
         let parts = scene.parts();
         let of_garment = |garment: usize| {
             let first = parts.garment(garment).start;
@@ -40,51 +42,44 @@ impl PartTriangles {
     }
 
     /// Corners of every triangle, local vertices.
-    pub fn corners(&self) -> &[[u32; 3]] {
+    pub(crate) fn corners(&self) -> &[[u32; 3]] {
         &self.corners
     }
 
     /// Corners of other parts, ascending.
-    pub fn neighbours(&self) -> &[u32] {
+    pub(crate) fn neighbours(&self) -> &[u32] {
         &self.neighbours
     }
 
     /// Number of triangles.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.corners.len()
     }
 
     /// Number of triangles that this part counts.
-    pub fn counted(&self) -> usize {
+    pub(crate) fn counted(&self) -> usize {
         self.corners.iter().filter(|corners| self.counts(corners)).count()
     }
 
     /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.corners.as_slice()) + size_of_val(self.neighbours.as_slice())
     }
 
     /// Adds `force` [N] to each corner that is the part's own; `f` are the part's vertices.
     #[inline]
-    pub fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Simd4]) {
+    pub(crate) fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Simd4]) {
         corners::add(self.own.start, *corners, [Simd4::from(force); 3], f);
     }
 
     /// Whether this part counts the triangle in sums over the cloth: it has the corner of the smallest number.
-    pub fn counts(&self, corners: &[u32; 3]) -> bool {
+    pub(crate) fn counts(&self, corners: &[u32; 3]) -> bool {
         corners.iter().min().is_some_and(|first| self.own.contains(&(*first as usize)))
     }
 }
 
-/// What belongs to the corners of a triangle.
-#[inline]
-pub(crate) fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
-    corners.map(|v| of[v as usize])
-}
-
 /// Half the cross product of two sides: its length is the area [m²], its direction the normal.
 #[inline]
-#[cfg(feature = "effects")]
 pub(crate) fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a)) * 0.5
 }

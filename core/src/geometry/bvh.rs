@@ -200,7 +200,7 @@ impl Bvh {
 
     /// Boxes of at most `wanted` nodes that together hold all primitives: of the largest box its children are taken
     /// instead, again and again.
-    pub fn cover(&self, wanted: usize) -> Vec<Aabb> {
+    pub(crate) fn cover(&self, wanted: usize) -> Vec<Aabb> {
         let mut nodes = self.pairs[0].0.to_vec();
         while nodes.len() < wanted {
             let inner = (0..nodes.len()).filter(|&n| nodes[n].count == INNER);

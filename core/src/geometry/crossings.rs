@@ -27,6 +27,14 @@ const TASKS: usize = 256;
 const CHUNK: usize = 1024;
 
 /// An edge that passes through or touches a triangle with which it shares no vertex.
+///
+/// ```
+/// use drapery_core::{Crossing, Vec3, self_intersections};
+/// let needle = [Vec3::new(0.2, -1.0, 0.2), Vec3::new(0.2, 1.0, 0.2), Vec3::new(9.0, 0.0, 9.0)];
+/// let positions = [vec![Vec3::zeros(), Vec3::x(), Vec3::z()], needle.to_vec()].concat();
+/// let found = self_intersections(&[[0, 1, 2], [3, 4, 5]], &positions);
+/// assert!(found.contains(&Crossing { edge: [3, 4], triangle: [0, 1, 2] }));
+/// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct Crossing {
@@ -38,7 +46,7 @@ pub struct Crossing {
 
 /// Which triangle speaks for which edge, so that an edge of several triangles is looked at once.
 #[derive(Clone, Debug, Default)]
-pub struct EdgeOwners {
+pub(crate) struct EdgeOwners {
     /// For each triangle a bit for each of its edges [0, 1], [1, 2], [2, 0], and [`FACE`].
     owned: Vec<u8>,
 }
@@ -48,7 +56,7 @@ pub(crate) const FACE: u8 = 1 << 3;
 
 impl EdgeOwners {
     /// Every edge goes to the first triangle that has it.
-    pub fn new(triangles: &[[u32; 3]]) -> Self {
+    pub(crate) fn new(triangles: &[[u32; 3]]) -> Self {
         let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * triangles.len());
         for (t, triangle) in triangles.iter().enumerate() {
             edges.extend((0..3).map(|k| (edge(triangle, k), t as u32, k as u8)));
@@ -69,14 +77,14 @@ impl EdgeOwners {
 
     /// The bits of a triangle.
     #[inline]
-    pub fn bits(&self, triangle: u32) -> u8 {
+    pub(crate) fn bits(&self, triangle: u32) -> u8 {
         self.owned[triangle as usize]
     }
 }
 
 /// Triangles at their places, and a tree over them.
 #[derive(Clone, Copy, Debug)]
-pub struct Surface<'a> {
+pub(crate) struct Surface<'a> {
     /// Vertices of the triangles.
     pub triangles: &'a [[u32; 3]],
     /// Made from these triangles.
@@ -87,8 +95,26 @@ pub struct Surface<'a> {
     pub tree: &'a Bvh,
 }
 
+/// Finds all intersections of a mesh with itself, ascending, without rounding. `triangles` are numbers of `positions` [m], which
+/// are finite. The answer does not depend on threads.
+///
+/// # Panics
+/// A triangle names a position that is not there.
+///
+/// ```
+/// use drapery_core::{Vec3, self_intersections};
+/// // Parallel sheets, a millimetre apart.
+/// let corners = |height: f64| [Vec3::new(0.0, height, 0.0), Vec3::new(1.0, height, 0.0), Vec3::new(0.0, height, 1.0)];
+/// let apart = [corners(0.0), corners(0.001)].concat();
+/// assert!(self_intersections(&[[0, 1, 2], [3, 4, 5]], &apart).is_empty());
+/// ```
+pub fn self_intersections(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Crossing> {
+    let (tree, owners) = (Bvh::build(&boxes(triangles, positions)), EdgeOwners::new(triangles));
+    find(&Surface { triangles, owners: &owners, positions, tree: &tree })
+}
+
 /// All crossings of a surface with itself, ascending.
-pub fn find(surface: &Surface<'_>) -> Vec<Crossing> {
+pub(crate) fn find(surface: &Surface<'_>) -> Vec<Crossing> {
     let boxes = boxes(surface.triangles, surface.positions);
     let tasks = surface.tree.self_tasks(TASKS);
     let pieces = tasks.par_iter().map(|task| {

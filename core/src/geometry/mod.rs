@@ -8,19 +8,19 @@
 //! seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
 
 pub mod aabb;
-pub mod attachment;
+pub(crate) mod attachment;
 pub mod bvh;
 pub mod coarseness;
 pub mod crossings;
 pub mod distance;
 pub mod face_cuts;
 pub mod moving_surface;
-pub mod path;
+pub(crate) mod path;
 pub mod random;
 pub(crate) mod self_crossing;
 pub mod shapes;
 pub mod surface_binding;
-pub mod tolerances;
+pub(crate) mod tolerances;
 
 #[cfg(test)]
 pub(crate) mod testing;

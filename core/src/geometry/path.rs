@@ -18,7 +18,7 @@ const ROOT_STEPS: usize = 64;
 
 /// Which crossings are asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Crossings {
+pub(crate) enum Crossings {
     /// Only those from the front of a triangle to its back: into a closed body.
     Entering,
     /// In both directions: through an open surface.
@@ -27,7 +27,7 @@ pub enum Crossings {
 
 /// The side of a triangle a point came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub(crate) enum Side {
     /// The side its normal points to.
     Front,
     /// The other one.
@@ -36,7 +36,7 @@ pub enum Side {
 
 /// Where and when a point passes through a triangle.
 #[derive(Clone, Copy, Debug)]
-pub struct Crossing {
+pub(crate) struct Crossing {
     /// Fraction of the step, in \[0, 1\].
     pub fraction: f64,
     /// Barycentric weights of the crossed point.

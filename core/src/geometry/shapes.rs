@@ -11,6 +11,13 @@ use crate::settings::{Default, Dimension, Field, Member, Settings, Written, writ
 const ENTRY_STEPS: usize = 64;
 
 /// A convex body with an exact signed distance, centred at the origin. Lengths in metres.
+///
+/// ```
+/// use drapery_core::Shape;
+/// let table = Shape::Box { half_extents: [0.6, 0.02, 0.4] };
+/// let (word, sizes) = table.written();
+/// assert_eq!((word.name, sizes.len()), ("box", 1));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// Everything below the plane y = 0.

@@ -7,7 +7,17 @@
 //!
 //! Nothing communicates inside a parallel loop, so that ranks and the threads of a pool never wait for one another.
 
-/// One of the ranks of a run.
+/// One of the ranks of a run. A program implements it over its own message passing.
+///
+/// ```
+/// use drapery_core::LocalRanks;
+/// let largest = LocalRanks::run(3, 1, |communicator| {
+///     let mut values = [communicator.rank() as f64];
+///     communicator.max(&mut values);
+///     values[0]
+/// });
+/// assert_eq!(largest, Ok(vec![2.0; 3]));
+/// ```
 pub trait Communicator: Send + Sync {
     /// Number of this rank, from zero.
     fn rank(&self) -> usize;

@@ -12,6 +12,22 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
 
 /// Ranks as threads of this process.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, LocalRanks, Ranks, Scene, Simulation};
+/// let steps = LocalRanks::run(2, 1, |communicator| {
+///     let ranks = Ranks::new(communicator);
+///     let scene = Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+///     let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+///     simulation.advance(&FrameInput::to_frame(1)).expect("a step of free fall").steps
+/// });
+/// assert!(steps.is_ok_and(|steps| steps[0] == steps[1]));
+/// ```
 #[derive(Debug)]
 pub struct LocalRanks;
 

@@ -329,6 +329,7 @@ impl<K: Codec + Ord, V: Codec> Codec for BTreeMap<K, V> {
 
 /// Makes a struct, or an enum with a number for each of its variants, something that can be encoded. A field that is left out
 /// does not compile.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! codec {
     (struct $name:path { $($field:ident),* $(,)? }) => {

@@ -24,6 +24,6 @@ pub mod message;
 pub mod parts;
 pub(crate) mod problems;
 pub mod ranks;
-pub mod reduce;
+pub(crate) mod reduce;
 pub mod serial;
 pub mod simd4;

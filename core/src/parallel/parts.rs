@@ -34,12 +34,13 @@ impl Default for Partition {
 
 impl Partition {
     /// The partition with these first vertices of parts, with the number of all at the end, and these vertices of garments.
-    pub fn new(starts: Vec<usize>, garments: Vec<Range<usize>>) -> Self {
+    #[cfg(test)]
+    pub(crate) fn new(starts: Vec<usize>, garments: Vec<Range<usize>>) -> Self {
         Self { starts, garments }
     }
 
     /// Adds a garment of so many vertices; no part holds vertices of two garments. Returns their numbers in the scene.
-    pub fn add_garment(&mut self, vertices: usize) -> Range<usize> {
+    pub(crate) fn add_garment(&mut self, vertices: usize) -> Range<usize> {
         let first = self.vertex_count();
         part_ends(first, vertices, &mut self.starts);
         self.garments.push(first..first + vertices);
@@ -57,7 +58,7 @@ impl Partition {
     }
 
     /// First vertex of each part in the scene's numbering, and the number of all vertices at the end.
-    pub fn starts(&self) -> &[usize] {
+    pub(crate) fn starts(&self) -> &[usize] {
         &self.starts
     }
 
@@ -68,7 +69,7 @@ impl Partition {
 
     /// First part of every rank, and the number of all parts at the end, such that the ranks' shares of `costs`, one for each
     /// part, are nearly equal.
-    pub fn balance(&self, costs: &[f64], ranks: usize) -> Vec<usize> {
+    pub(crate) fn balance(&self, costs: &[f64], ranks: usize) -> Vec<usize> {
         let total: f64 = costs.iter().sum();
         let mut starts = vec![0];
         let (mut part, mut before) = (0, 0.0);
@@ -113,7 +114,7 @@ pub struct Parts {
 impl Parts {
     /// The share of this rank, with these ghosts (by their numbers in the scene, ascending) and the number that each local
     /// vertex has in its garment. All ranks call it together.
-    pub fn new(
+    pub(crate) fn new(
         ranks: Ranks,
         partition: Partition,
         assignment: Vec<usize>,
@@ -168,7 +169,7 @@ impl Parts {
     }
 
     /// First part of every rank, and the number of all at the end.
-    pub fn assignment(&self) -> &[usize] {
+    pub(crate) fn assignment(&self) -> &[usize] {
         &self.assignment
     }
 

@@ -12,6 +12,14 @@ use crate::parallel::message::{self, Codec};
 use crate::parallel::serial::Serial;
 
 /// This rank, and the way to the others.
+///
+/// ```
+/// use drapery_core::{LocalRanks, Ranks};
+/// let alone = Ranks::default();
+/// assert!(alone.is_alone() && alone.is_first());
+/// let found = LocalRanks::run(3, 1, |communicator| Ranks::new(communicator).max(0.5));
+/// assert_eq!(found, Ok(vec![0.5; 3]));
+/// ```
 #[derive(Clone)]
 pub struct Ranks {
     communicator: Arc<dyn Communicator>,
@@ -99,14 +107,14 @@ impl Ranks {
         self.rank() == 0
     }
 
-    /// What this rank has sent so far.
+    /// Messages and bytes that this rank has sent so far.
     pub fn sent(&self) -> Sent {
         let Traffic { messages, bytes, collectives, .. } = &*self.traffic;
         Sent { messages: messages.load(Relaxed), bytes: bytes.load(Relaxed), collectives: collectives.load(Relaxed) }
     }
 
     /// Seconds that this rank has waited for others so far, the way of the messages included.
-    pub fn waited(&self) -> f64 {
+    pub(crate) fn waited(&self) -> f64 {
         Duration::from_nanos(self.traffic.waited.load(Relaxed)).as_secs_f64()
     }
 

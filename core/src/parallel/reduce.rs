@@ -130,7 +130,7 @@ fn largest_subtrees(tree: Range<usize>, run: &Range<usize>, found: &mut Vec<Rang
 }
 
 /// Largest of the block values; zero if there are none.
-pub fn largest(blocks: &[f64]) -> f64 {
+pub(crate) fn largest(blocks: &[f64]) -> f64 {
     blocks.iter().copied().fold(0.0, f64::max)
 }
 

@@ -73,7 +73,7 @@ impl Simd4 {
 
     /// Of components and a fourth number, which is zero unless it only meets zeros.
     #[inline(always)]
-    pub fn new(components: [f64; 4]) -> Self {
+    pub(crate) fn new(components: [f64; 4]) -> Self {
         Self(components)
     }
 
@@ -85,7 +85,7 @@ impl Simd4 {
     }
 
     /// Copies the vectors of a part to the front of `to`, and returns them.
-    pub fn copy<'a>(from: &[Vec3], to: &'a mut PartSimd4) -> &'a [Self] {
+    pub(crate) fn copy<'a>(from: &[Vec3], to: &'a mut PartSimd4) -> &'a [Self] {
         let to = &mut to[..from.len()];
         to.iter_mut().zip(from).for_each(|(to, from)| *to = Self::from(from));
         to

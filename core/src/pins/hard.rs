@@ -55,13 +55,13 @@ impl HardPins {
     }
 
     /// Puts the part's held components where their targets are at the end of the step.
-    pub fn start_at(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
+    pub(crate) fn start_at(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
         self.held(part, start, targets, |vertex, axis, target| x[vertex][axis] = targets.at_t1[target][axis]);
     }
 
     /// Puts the part's held components where they have to be at the end of the step: at their targets, or, where their
     /// vertices were too far behind in `x` [m], as much closer as `recovery_speed` allows.
-    pub fn set_positions(
+    pub(crate) fn set_positions(
         &self,
         part: usize,
         start: usize,
@@ -77,7 +77,7 @@ impl HardPins {
 
     /// Puts the part's held components where they have to be at a fraction of the step from `x` [m]: on the straight way to where
     /// [`HardPins::set_positions`] puts them.
-    pub fn set_stage_positions(
+    pub(crate) fn set_stage_positions(
         &self,
         part: usize,
         start: usize,
@@ -94,7 +94,7 @@ impl HardPins {
     }
 
     /// How many own vertices stay behind their targets in the step from `x` [m].
-    pub fn behind(&self, targets: &PinTargets, recovery_speed: RecoverySpeed, x: &[Vec3]) -> u64 {
+    pub(crate) fn behind(&self, targets: &PinTargets, recovery_speed: RecoverySpeed, x: &[Vec3]) -> u64 {
         let is_late = |pin: &&HardPin| {
             let late = |axis: usize| {
                 pin.axes[axis] && targets.rest_of_lag(pin.target, recovery_speed, x[pin.vertex], axis) != 0.0
@@ -105,17 +105,17 @@ impl HardPins {
     }
 
     /// Gives the part's held components their prescribed velocity.
-    pub fn set_velocities(&self, part: usize, start: usize, targets: &PinTargets, v: &mut [Vec3]) {
+    pub(crate) fn set_velocities(&self, part: usize, start: usize, targets: &PinTargets, v: &mut [Vec3]) {
         self.held(part, start, targets, |vertex, axis, target| v[vertex][axis] = targets.velocity(target)[axis]);
     }
 
     /// Removes the part's held components from a residual or search direction.
-    pub fn project(&self, part: usize, start: usize, targets: &PinTargets, r: &mut [Vec3]) {
+    pub(crate) fn project(&self, part: usize, start: usize, targets: &PinTargets, r: &mut [Vec3]) {
         self.held(part, start, targets, |vertex, axis, _| r[vertex][axis] = 0.0);
     }
 
     /// Own vertices that pins hold at some time, by their local numbers, ascending; one that several hold as often.
-    pub fn vertices(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+    pub(crate) fn vertices(&self) -> impl Iterator<Item = usize> + Clone + '_ {
         self.entries.iter().map(|pin| pin.vertex)
     }
 
@@ -130,12 +130,12 @@ impl HardPins {
     }
 
     /// Every held vertex with its target and the axes in which it is held, in solver order.
-    pub fn axes(&self) -> impl Iterator<Item = (usize, usize, [bool; 3])> + '_ {
+    pub(crate) fn axes(&self) -> impl Iterator<Item = (usize, usize, [bool; 3])> + '_ {
         self.entries.iter().map(|e| (e.vertex, e.target, e.axes))
     }
 
     /// Vertices that are held in all directions by one pin at some time, in solver order.
-    pub fn fully_held(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn fully_held(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.entries.iter().filter(|e| e.axes == [true; 3]).map(|e| (e.vertex, e.target))
     }
 }

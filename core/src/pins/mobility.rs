@@ -8,21 +8,21 @@ use crate::pins::targets::PinTargets;
 /// Inverse masses of the local vertices by axis [1/kg], zero where hard pins hold in the present step. Empty where nobody
 /// looks.
 #[derive(Debug, Default)]
-pub struct Mobility(Vec<Vec3>);
+pub(crate) struct Mobility(Vec<Vec3>);
 
 impl Mobility {
     /// Of vertices with these masses [kg] that nothing holds.
-    pub fn new(masses: &[f64]) -> Self {
+    pub(crate) fn new(masses: &[f64]) -> Self {
         Self(masses.iter().map(|mass| Vec3::repeat(1.0 / mass)).collect())
     }
 
     /// By axis, over the local vertices [1/kg].
-    pub fn of_vertices(&self) -> &[Vec3] {
+    pub(crate) fn of_vertices(&self) -> &[Vec3] {
         &self.0
     }
 
     /// Takes what pins hold in the present step, of own vertices.
-    pub fn set_step(&mut self, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
+    pub(crate) fn set_step(&mut self, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
         if self.0.is_empty() {
             return;
         }
@@ -33,7 +33,7 @@ impl Mobility {
     }
 
     /// Gives ghosts those of their owners. All ranks call it together.
-    pub fn update_ghosts(&mut self, parts: &Parts) {
+    pub(crate) fn update_ghosts(&mut self, parts: &Parts) {
         parts.halo().update(parts.ranks(), &mut self.0);
     }
 }

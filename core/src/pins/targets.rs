@@ -63,7 +63,13 @@ impl PinTargets {
     ///
     /// # Errors
     /// A vertex that is to be bound to the nearest place of a body finds none.
-    pub fn new(scene: &Scene, x: &[Vec3], bodies: &Bodies, tracks: &[Samples], time: f64) -> Result<Self, Problem> {
+    pub(crate) fn new(
+        scene: &Scene,
+        x: &[Vec3],
+        bodies: &Bodies,
+        tracks: &[Samples],
+        time: f64,
+    ) -> Result<Self, Problem> {
         let mut built = Self::default();
         let mut rows = BTreeMap::new();
         for pin in &scene.description().pins {
@@ -117,7 +123,7 @@ impl PinTargets {
     }
 
     /// Goes on to the step from `t0` to `t1`; `bodies` stand at `t1`, `x` are the positions at `t0` in solver order.
-    pub fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], x: &[Vec3], (t0, t1): (f64, f64)) {
+    pub(crate) fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], x: &[Vec3], (t0, t1): (f64, f64)) {
         self.dt = t1 - t0;
         std::mem::swap(&mut self.at_t0, &mut self.at_t1);
         for i in 0..self.targets.len() {
@@ -270,22 +276,23 @@ impl PinTargets {
     }
 
     /// Whether there is nothing to follow.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.targets.is_empty()
     }
 
     /// Whether the target holds during this step.
-    pub fn is_active(&self, target: usize) -> bool {
+    pub(crate) fn is_active(&self, target: usize) -> bool {
         self.active[target]
     }
 
     /// Position at a fraction of the step [m].
-    pub fn position(&self, target: usize, fraction: f64) -> Vec3 {
+    #[cfg(feature = "effects")]
+    pub(crate) fn position(&self, target: usize, fraction: f64) -> Vec3 {
         self.at_t0[target].lerp(&self.at_t1[target], fraction)
     }
 
     /// Mean velocity over the step [m/s].
-    pub fn velocity(&self, target: usize) -> Vec3 {
+    pub(crate) fn velocity(&self, target: usize) -> Vec3 {
         if self.dt > 0.0 { (self.at_t1[target] - self.at_t0[target]) / self.dt } else { Vec3::zeros() }
     }
 
@@ -296,7 +303,7 @@ impl PinTargets {
     }
 
     /// Times at which some pin starts or stops holding [s].
-    pub fn window_times(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn window_times(&self) -> impl Iterator<Item = f64> + '_ {
         self.windows.iter().flat_map(|(from, until)| [*from, *until]).filter(|t| t.is_finite())
     }
 

@@ -7,6 +7,14 @@ use crate::geometry::shapes::Shape;
 use crate::scene::described::described;
 
 /// A body that garments collide with. It moves as prescribed; cloth never moves it.
+///
+/// ```
+/// use drapery_core::{BodyDescription, BodyShape, RigidMotion, Shape, Vec3};
+/// let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.3 });
+/// let body = BodyDescription::new("ball", ball, RigidMotion::at(Vec3::new(0.0, 1.0, 0.0)));
+/// let body = BodyDescription { friction: 0.4, thickness: 0.001, ..body };
+/// assert_eq!(body.max_push_speed, f64::INFINITY);
+/// ```
 #[derive(Debug, Clone)]
 pub struct BodyDescription {
     /// Name, unique among the bodies.
@@ -27,6 +35,13 @@ pub struct BodyDescription {
 }
 
 /// Surface of a body, in its own frame.
+///
+/// ```
+/// use drapery_core::{BodyShape, Shape};
+/// let ground = BodyShape::Rigid(Shape::HalfSpace);
+/// let character = BodyShape::Surface { triangles: vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]], point_count: 4 };
+/// assert!(matches!(ground, BodyShape::Rigid(_)) && matches!(character, BodyShape::Surface { point_count: 4, .. }));
+/// ```
 #[derive(Debug, Clone)]
 pub enum BodyShape {
     /// An analytic shape that moves rigidly.
@@ -41,6 +56,14 @@ pub enum BodyShape {
 }
 
 /// Prescribed rigid motion: a piecewise linear path of the origin, and a rotation that may spin.
+///
+/// ```
+/// use drapery_core::{RigidMotion, Vec3};
+/// let path = vec![(0.0, Vec3::zeros()), (1.0, Vec3::new(0.0, 0.5, 0.0))];
+/// let spin = Vec3::y() * std::f64::consts::TAU;
+/// let motion = RigidMotion { path, angular_velocity: spin, spin_start: 1.0, ..RigidMotion::at(Vec3::zeros()) };
+/// assert_eq!(motion.path.len(), 2);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigidMotion {
     /// Times [s] and positions [m] of the origin, ascending in time; held before the first and after the last.

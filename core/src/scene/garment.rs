@@ -36,7 +36,7 @@ impl GarmentDescription {
     /// All rest positions [m], for those who cannot do with pieces.
     ///
     /// # Errors
-    /// What is wrong with the data.
+    /// The data of the stream is at fault; the text says where.
     pub fn rest_positions(&self) -> Result<Vec<Vec3>, String> {
         let Some(stream) = &self.stream else { return Ok(self.mesh.points.clone()) };
         let mut all = Vec::with_capacity(stream.point_count());

@@ -4,6 +4,12 @@ use crate::settings::choice;
 
 choice! {
     /// Time integration: the treatment of elastic forces in the two solves of a step. See `docs/theory/step.md` and `docs/theory/tr_bdf2.md`.
+    ///
+    /// ```
+    /// use drapery_core::Integrator;
+    /// assert_eq!(Integrator::find("tr_bdf2"), Some(Integrator::TrBdf2));
+    /// assert!(Integrator::TrBdf2.spec().is_implicit && !Integrator::SemiImplicit.spec().is_implicit);
+    /// ```
     pub enum Integrator {
         // `docs/theory/step.md`.
         /// The paper's step: explicit, with implicit damping. Of second order; elastic forces limit the time step.

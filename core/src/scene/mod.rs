@@ -38,13 +38,22 @@ use seam_pairs::Sewn;
 use vertex_maps::PaintedMaps;
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
+///
+/// ```
+/// use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, Scene, SceneDescription, Vec3};
+/// let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// let mut description = SceneDescription::new("fall");
+/// description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// description.effects.push(EffectRequest::of_scene("gravity"));
+/// assert!(Scene::validate(description).is_ok());
+/// ```
 #[derive(Debug, Clone)]
 pub struct SceneDescription {
     /// Name of the shot, for messages.
     pub name: String,
     /// Frame rate and the frame from which time is counted.
     pub timeline: Timeline,
-    /// What positions are counted from where single precision stores them [m]; `None` chooses it by where the garments start.
+    /// Origin of the positions where single precision stores them [m]; `None` chooses it by where the garments start.
     pub origin: Option<Vec3>,
     /// Settings of the time integration.
     pub solver: SolverSettings,
@@ -56,7 +65,7 @@ pub struct SceneDescription {
     pub pins: Vec<PinDescription>,
     /// Vertices that are drawn together.
     pub seams: Vec<SeamDescription>,
-    /// Where the grid of the wind stands, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
+    /// Place of the grid of the wind, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
     pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
     pub effects: Vec<EffectRequest>,
@@ -67,6 +76,13 @@ pub struct SceneDescription {
 /// Frame rate as a rational number and the frame at which time is zero.
 ///
 /// Times are computed from integers, never accumulated: frame `f` is at `(f - origin) · denominator / numerator` s.
+///
+/// ```
+/// use drapery_core::Timeline;
+/// let ntsc = Timeline { fps_numerator: 24000, fps_denominator: 1001, origin: 1001, start: 990 };
+/// assert_eq!(ntsc.time(25001), 1001.0);
+/// assert!(ntsc.time(ntsc.start) < 0.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timeline {
     /// Numerator of the frames per second, for example 24 or 24000.
@@ -104,13 +120,20 @@ impl Default for Timeline {
 }
 
 /// A garment: its mesh at rest, where it starts, and what it weighs.
+///
+/// ```
+/// use drapery_core::{GarmentDescription, PolygonMesh, Vec3};
+/// let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// let silk = GarmentDescription { thickness: 0.0002, ..GarmentDescription::new("scarf", mesh, 0.06) };
+/// assert_eq!((silk.point_count(), silk.face_count()), (3, 1));
+/// ```
 #[derive(Debug, Clone)]
 pub struct GarmentDescription {
     /// Name, unique among the garments; it names the output files.
     pub name: String,
     /// Rest shape with the artist's polygons; a fixed triangulation of it is simulated.
     pub mesh: PolygonMesh,
-    /// Where the rest shape is read piece by piece, in place of `mesh`, which is not looked at then.
+    /// Rest shape that is read piece by piece, in place of `mesh`, which is then ignored.
     pub stream: Option<Arc<dyn MeshStream>>,
     /// Positions at the start [m] when they differ from the rest shape; one per point.
     pub start: Option<Vec<Vec3>>,
@@ -118,7 +141,7 @@ pub struct GarmentDescription {
     pub velocity: Vec3,
     /// Velocities at the start [m/s] when they differ among the points, instead of `velocity`; one per point.
     pub start_velocities: Option<Vec<Vec3>>,
-    /// How the mass of the points follows from the mesh.
+    /// Mass of the points, by area or in total.
     pub mass: Mass,
     /// Distance that repulsions keep between its layers, and from other garments [m]; short edges lower it
     /// (`self_repulsion`).
@@ -128,6 +151,15 @@ pub struct GarmentDescription {
 }
 
 /// Mass of a garment's points.
+///
+/// ```
+/// use drapery_core::{GarmentDescription, Mass, PolygonMesh, Scene, SceneDescription, Vec3};
+/// let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// let mut description = SceneDescription::new("half a square metre");
+/// description.garments.push(GarmentDescription { mass: Mass::Density(0.3), ..GarmentDescription::new("sheet", mesh, 0.0) });
+/// let total: f64 = Scene::validate(description).expect("a valid scene").masses().iter().sum();
+/// assert!((total - 0.15).abs() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mass {
     /// Areal density [kg/m²]: a point gets a third of the rest area of its triangles.
@@ -137,6 +169,12 @@ pub enum Mass {
 }
 
 /// A regular grid of velocities of the air; it does not move.
+///
+/// ```
+/// use drapery_core::{Vec3, WindGridShape};
+/// let grid = WindGridShape { origin: Vec3::zeros(), spacing: Vec3::repeat(0.5), counts: [5, 3, 5] };
+/// assert_eq!(grid.counts.iter().product::<usize>(), 75);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindGridShape {
     /// Place of the first node [m].
@@ -148,6 +186,14 @@ pub struct WindGridShape {
 }
 
 /// An effect that the scene asks for.
+///
+/// ```
+/// use drapery_core::{EffectRequest, SettingValue};
+/// let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -1.62, 0.0]);
+/// let stretch = EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0);
+/// assert_eq!(gravity.settings["acceleration"], SettingValue::Vector([0.0, -1.62, 0.0]));
+/// assert_eq!((gravity.garment, stretch.garment), (None, Some(0)));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectRequest {
     /// Name in the registry.
@@ -158,7 +204,7 @@ pub struct EffectRequest {
     pub settings: BTreeMap<String, SettingValue>,
     /// Source of each of these settings in words, where it is known (`material denim_11oz`), for `drapery plan`.
     pub sources: BTreeMap<String, String>,
-    /// Why it is there, for `drapery plan`.
+    /// Reason for it, for `drapery plan`.
     pub because: String,
 }
 
@@ -252,6 +298,16 @@ pub const LARGEST_DENSITY: f64 = 1e6;
 
 /// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known. On many ranks this is what
 /// one of them has: its own vertices and what lies around them.
+///
+/// ```
+/// use drapery_core::{GarmentDescription, PolygonMesh, Scene, SceneDescription, Vec3};
+/// let square = PolygonMesh { points: vec![Vec3::zeros(), Vec3::z(), Vec3::x() + Vec3::z(), Vec3::x()],
+///     face_counts: vec![4], face_indices: vec![0, 1, 2, 3] };
+/// let mut description = SceneDescription::new("square");
+/// description.garments.push(GarmentDescription::new("cloth", square, 0.2));
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// assert_eq!((scene.meshes()[0].triangles().len(), scene.meshes()[0].edges().len()), (2, 5));
+/// ```
 #[derive(Debug)]
 pub struct Scene {
     /// What it was made from, without the arrays of garments and pins.
@@ -371,7 +427,7 @@ impl Scene {
         [x, v]
     }
 
-    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
+    /// Warnings of elements of garments that take no part, a sentence each: on rank 0, nothing elsewhere.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -6,11 +6,18 @@ use crate::scene::described::described;
 use crate::settings::{Member, Settings, choice};
 
 /// Vertices of a garment that are held.
+///
+/// ```
+/// use drapery_core::{PinAnchor, PinDescription, PinHold, PinTarget};
+/// let target = PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0, 9], offsets: Vec::new() };
+/// let pin = PinDescription { garment: 0, target, axes: [true; 3], from: 0.0, until: 2.0, hold: PinHold::Hard };
+/// assert_eq!(pin.target.count(), 2);
+/// ```
 #[derive(Debug, Clone)]
 pub struct PinDescription {
     /// Index of the garment.
     pub garment: usize,
-    /// What the vertices follow, and which vertices.
+    /// Target, with the vertices that follow it.
     pub target: PinTarget,
     /// Axes in which a hard pin holds (world x, y, z).
     pub axes: [bool; 3],
@@ -29,12 +36,20 @@ impl PinDescription {
     }
 }
 
-/// What a pinned vertex follows.
+/// Target of a pin: it names the vertices and what they follow.
+///
+/// ```
+/// use drapery_core::{PinAnchor, PinTarget, Vec3};
+/// let offsets = vec![(0.0, Vec3::zeros()), (2.0, Vec3::new(0.0, 0.1, 0.0))];
+/// let lifted = PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0, 1, 2], offsets };
+/// let followed = PinTarget::BodyNearest { body: 0, vertices: vec![4] };
+/// assert_eq!((lifted.count(), followed.count()), (3, 1));
+/// ```
 #[derive(Debug, Clone)]
 pub enum PinTarget {
     /// A place where the vertex was, moved along a path relative to it.
     Path {
-        /// When the place is taken.
+        /// Moment at which the place is taken.
         anchor: PinAnchor,
         /// Vertex numbers in the garment's own order.
         vertices: Vec<u32>,
@@ -76,16 +91,30 @@ impl PinTarget {
     }
 }
 
-/// When a pin takes the place that it holds its vertices to.
+/// Moment at which a pin takes the place that it holds its vertices to.
+///
+/// ```
+/// use drapery_core::{PinAnchor, PinTarget};
+/// let hand = PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![7], offsets: Vec::new() };
+/// assert!(matches!(hand, PinTarget::Path { anchor: PinAnchor::WhenHeld, .. }));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PinAnchor {
-    /// When the simulation starts.
+    /// At the start of the simulation.
     Start,
-    /// When the pin takes hold.
+    /// At the time from which the pin is active.
     WhenHeld,
 }
 
-/// How a pin holds.
+/// Hold of a pin: rigid, or by a spring.
+///
+/// ```
+/// use drapery_core::PinHold;
+/// let button = PinHold::Spring { stiffness: 400.0, damping_ratio: 1.0, break_force: Some(20.0) };
+/// // Where the spring breaks, the vertex is this far from its target.
+/// let PinHold::Spring { stiffness, break_force: Some(force), .. } = button else { unreachable!() };
+/// assert_eq!(force / stiffness, 0.05);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PinHold {
     /// The vertex is where the target is.
@@ -102,7 +131,7 @@ pub enum PinHold {
 }
 
 impl PinHold {
-    /// What the table of a pin says; `None` for a spring without stiffness.
+    /// Hold that the table of a pin says; `None` for a spring without stiffness.
     pub fn of(settings: &Settings) -> Option<Self> {
         Some(match PinMode::of(settings, "mode") {
             PinMode::Hard => Self::Hard,

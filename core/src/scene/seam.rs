@@ -4,6 +4,14 @@ use crate::scene::FARTHEST;
 use crate::scene::described::described;
 
 /// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
+///
+/// ```
+/// use drapery_core::SeamDescription;
+/// let pairs = (0..20).map(|row| [row, 100 + row]).collect();
+/// let (from, until) = (0.0, 0.5);
+/// let seam = SeamDescription { garments: [0, 1], pairs, from, until, rest_gap: Some(0.0), stiffness: 800.0, damping_ratio: 1.0 };
+/// assert_eq!(seam.pairs[19], [19, 119]);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeamDescription {
     /// Garment of either side.
@@ -14,7 +22,7 @@ pub struct SeamDescription {
     pub from: f64,
     /// Solver time from which they are closed [s]; not after `from` closes them at once.
     pub until: f64,
-    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
+    /// Gap that is left then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
     /// scene, and nothing otherwise.
     pub rest_gap: Option<f64>,
     /// Stiffness of each pair [N/m].

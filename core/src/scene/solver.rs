@@ -6,6 +6,12 @@ use crate::settings::{self, Dimension, Field, Member, Word, Written, written};
 use crate::tolerances::PREVIEW_TOLERANCE;
 
 /// Settings of the time integration (`docs/theory/step.md`): the table `[solver]`, whose rows are below.
+///
+/// ```
+/// use drapery_core::{Integrator, SolverSettings};
+/// let long = SolverSettings { integrator: Integrator::TrBdf2, steps_per_frame: 16, ..SolverSettings::default() };
+/// assert!(long.largest_strain_per_step() > SolverSettings::default().largest_strain_per_step());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolverSettings {
     /// CFL number of the elastic step limit; 4 is the authors' value for cloth, below 2.83 is provably stable.
@@ -23,7 +29,7 @@ pub struct SolverSettings {
     pub cg_tolerance: Option<f64>,
     /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
     pub cg_max_iterations: usize,
-    /// How elastic forces enter both solves.
+    /// Integrator: it says how elastic forces enter both solves.
     pub integrator: Integrator,
     /// Time steps of a frame where the integrator is [`Integrator::TrBdf2`], before anything asks for shorter ones.
     pub steps_per_frame: usize,
@@ -55,13 +61,21 @@ impl SolverSettings {
     }
 }
 
-/// What a word of `preset` in `[solver]` stands for: all that weighs error against time in long steps. What the words mean in
-/// measured error and time: `docs/dev/measurements/accuracy.md`.
+/// Preset of the solver: everything that weighs error against time in long steps, under a word of `[solver]`. Measured errors and
+/// times are in `docs/dev/measurements/accuracy.md`.
+///
+/// ```
+/// use drapery_core::{SolverPreset, SolverSettings};
+/// let hero = SolverPreset::find("hero").expect("a preset of this word");
+/// let SolverPreset { integrator, steps_per_frame, cg_tolerance, .. } = *hero;
+/// let settings = SolverSettings { integrator, steps_per_frame, cg_tolerance, ..SolverSettings::default() };
+/// assert_eq!(settings.steps_per_frame, 16);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverPreset {
     /// The word, and what it is for.
     pub word: Word,
-    /// How elastic forces enter a time step.
+    /// Integrator: it says how elastic forces enter a time step.
     pub integrator: Integrator,
     /// Time steps of a frame.
     pub steps_per_frame: usize,
@@ -109,7 +123,7 @@ pub const PRESETS: [SolverPreset; 3] = [
     },
 ];
 
-/// The row of `preset` in `[solver]`: whoever reads a scene puts in what it stands for, before the solver looks.
+/// The row of `preset` in `[solver]`: the reader of a scene puts in what it stands for, before the solver looks.
 pub const PRESET: Field = Field {
     name: "preset",
     dimension: Dimension::None,

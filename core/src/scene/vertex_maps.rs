@@ -5,6 +5,13 @@ use std::collections::BTreeMap;
 use crate::scene::{PinHold, Pinned, Scene};
 
 /// Values of one quantity over the vertices of a garment.
+///
+/// ```
+/// use drapery_core::PaintedMap;
+/// let share = PaintedMap { values: vec![0.0, 0.5, 1.0], absolute: false };
+/// let number = PaintedMap { absolute: true, ..share.clone() };
+/// assert_eq!((share.at(1, 200.0), number.at(1, 200.0)), (100.0, 0.5));
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PaintedMap {
     /// One for each vertex in the garment's own order; not negative.
@@ -23,14 +30,14 @@ impl PaintedMap {
     }
 
     /// The mean of the quantity at some vertices.
-    pub fn mean(&self, vertices: &[u32], of_garment: f64) -> f64 {
+    pub(crate) fn mean(&self, vertices: &[u32], of_garment: f64) -> f64 {
         vertices.iter().map(|v| self.at(*v as usize, of_garment)).sum::<f64>() / vertices.len() as f64
     }
 }
 
 impl Scene {
     /// A map of a garment over the vertices of this rank's piece of its mesh, if it is painted.
-    pub fn painted(&self, garment: usize, of: &str) -> Option<&PaintedMap> {
+    pub(crate) fn painted(&self, garment: usize, of: &str) -> Option<&PaintedMap> {
         self.painted[garment].get(of)
     }
 

@@ -62,6 +62,7 @@ impl Member for [f64; 3] {
 }
 
 /// An enum whose variants are words of a scene; what is said of a variant is the help of its word.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! choice {
     ($(#[$about:meta])* $visible:vis enum $choice:ident {

@@ -35,7 +35,19 @@ static ROOMS: [Room; 5] = [
     Room { save: Simulation::save_elements, restore: Simulation::restore_elements },
 ];
 
-/// Why a simulation cannot go on from a snapshot.
+/// Error of [`Simulation::restore`]: the scene is at fault, or the snapshot.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, RestoreError, Scene, Simulation, Snapshot};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let nothing = Simulation::restore(scene, &FrameInput::to_frame(0), &Snapshot::default());
+/// assert!(matches!(nothing, Err(RestoreError::Snapshot(error)) if error.section == "state"));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum RestoreError {
     /// The scene or its inputs cannot be simulated.
@@ -86,7 +98,7 @@ impl Simulation {
     /// The same over ranks: rank 0 has the source. All ranks call it together.
     ///
     /// # Errors
-    /// As [`Simulation::restore`], the same on all ranks.
+    /// The same as of [`Simulation::restore`], alike on all ranks.
     pub fn restore_from(
         scene: impl Into<Arc<Scene>>,
         start: &FrameInput,

@@ -56,7 +56,13 @@ use recovery::RetryState;
 use start::{first_tracks, start_outside};
 pub use start_state::{StartCrossings, StartLengths};
 
-/// What the caller pushes for one frame.
+/// Input of one frame: the caller pushes it, the solver asks for nothing.
+///
+/// ```
+/// use drapery_core::FrameInput;
+/// let half_way = FrameInput { output_times: vec![0.5 / 24.0], ..FrameInput::to_frame(1) };
+/// assert!(half_way.bodies.is_empty() && FrameInput::default() == FrameInput::to_frame(0));
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameInput {
     /// The frame to reach.
@@ -113,7 +119,21 @@ pub struct BrokenAttachment {
     pub pin: usize,
 }
 
-/// What happened in one frame.
+/// Summary of one frame: steps, counts, strains and energies.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, Scene, Simulation};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// let summary = simulation.advance(&FrameInput::to_frame(1)).expect("a step of free fall");
+/// // ½ m (g t)² of 0.1 kg.
+/// assert!((summary.kinetic_energy - 0.05 * (9.81_f64 / 24.0).powi(2)).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSummary {
     /// The frame reached.
@@ -184,7 +204,22 @@ impl FrameSummary {
     }
 }
 
-/// How far an advance came.
+/// Outcome of an advance: the frame is reached, or the simulation pauses before it.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{Advance, FrameInput, Scene, Simulation};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// let input = FrameInput { output_times: vec![0.5 / 24.0], ..FrameInput::to_frame(1) };
+/// let paused = simulation.advance_or_pause(&input, &mut |_| false);
+/// assert!(matches!(paused, Ok(Advance::Paused(_))) && simulation.state().time == 0.5 / 24.0);
+/// assert!(matches!(simulation.advance_or_pause(&input, &mut |_| false), Ok(Advance::Done(_))));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Advance {
     /// The frame is reached.
@@ -194,7 +229,22 @@ pub enum Advance {
     Paused(FrameSummary),
 }
 
-/// A running simulation.
+/// A running simulation: a scene with its state, advanced frame by frame.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, Scene, Simulation};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// (1..=24).for_each(|frame| drop(simulation.advance(&FrameInput::to_frame(frame)).expect("a step of free fall")));
+/// let mut positions = Vec::new();
+/// simulation.garment_positions(0, &mut positions);
+/// assert!((positions[0].y + 9.81 / 2.0).abs() < 1e-9, "½ g t² after a second");
+/// ```
 pub struct Simulation {
     scene: Arc<Scene>,
     frame: i64,
@@ -438,7 +488,7 @@ impl Simulation {
     /// there, and pauses at its output times. After a pause the same input goes on, and comes to the same bits as without one.
     ///
     /// # Errors
-    /// As [`Simulation::advance`].
+    /// The same as of [`Simulation::advance`].
     pub fn advance_or_pause(
         &mut self,
         input: &FrameInput,

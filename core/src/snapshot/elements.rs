@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Two numbers for each element of four vertices, as hinges are, by its vertices. The elements need no numbering, and every rank finds
 /// its own.
-pub type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
+pub(crate) type ElementRows = BTreeMap<[u32; 4], [f64; 2]>;
 
 /// The same elements with other numbers of vertices, without those that have a vertex without a number.
 pub(crate) fn renumbered(rows: ElementRows, number: impl Fn(u32) -> Option<u32>) -> ElementRows {

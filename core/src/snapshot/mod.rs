@@ -19,7 +19,22 @@ use bytemuck::Pod;
 
 use crate::parallel::message::Codec;
 
-/// Everything that a simulation needs to go on, beside its scene.
+/// Saved state of a simulation: everything that it needs to continue, beside its scene.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, Scene, Simulation, Snapshot};
+/// let mut simulation = Simulation::new(Scene::validate(description).unwrap(), &FrameInput::to_frame(0)).unwrap();
+/// simulation.advance(&FrameInput::to_frame(1)).unwrap();
+/// let saved: Snapshot = simulation.snapshot();
+/// let scene = simulation.shared_scene();
+/// let restored = Simulation::restore(scene, &FrameInput::to_frame(1), &saved).expect("a snapshot of this scene");
+/// assert_eq!(restored.state(), simulation.state());
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Snapshot {
     /// Sections, in a fixed order; an effect that remembers nothing has none.
@@ -318,7 +333,7 @@ impl DatasetOutline {
 
 impl Section {
     /// An empty section.
-    pub fn new(name: &str, version: u32) -> Self {
+    pub(crate) fn new(name: &str, version: u32) -> Self {
         Self { name: name.to_owned(), version, datasets: Vec::new() }
     }
 

@@ -181,7 +181,7 @@ impl BodyCollision {
     }
 
     /// Forgets where vertices were: the state has been put back.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.memory.iter_mut().for_each(|memory| memory.clearance = 0.0);
     }
 

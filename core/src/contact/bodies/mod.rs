@@ -8,8 +8,9 @@
 pub(crate) mod active_set;
 pub mod collision;
 pub(crate) mod constraints;
-pub mod friction;
+pub(crate) mod friction;
 pub mod recovery_speed;
+mod samples;
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 
@@ -24,45 +25,10 @@ use crate::geometry::shapes::Shape;
 use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene};
 use crate::tolerances;
 
+pub use samples::{Sample, Samples};
+
 /// Rings of triangles around those of a surface that cross each other in which cloth counts as pinched.
 const CROSSING_RINGS: usize = 2;
-
-/// Positions of the points of a mesh at one time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
-    /// Solver time [s].
-    pub time: f64,
-    /// Positions [m], in the mesh's own order.
-    pub positions: Vec<Vec3>,
-}
-
-/// Two samples between which positions move straight.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Samples {
-    /// The earlier one.
-    pub a: Sample,
-    /// The later one; the same at the very start.
-    pub b: Sample,
-}
-
-impl Samples {
-    /// Standing still at one sample.
-    pub fn still(sample: Sample) -> Self {
-        Self { a: sample.clone(), b: sample }
-    }
-
-    /// Goes on to the next sample.
-    pub fn push(&mut self, next: Sample) {
-        self.a = std::mem::replace(&mut self.b, next);
-    }
-
-    /// Position of a row at a time between the samples [m].
-    pub fn position(&self, row: usize, time: f64) -> Vec3 {
-        let span = self.b.time - self.a.time;
-        let share = if span > 0.0 { ((time - self.a.time) / span).clamp(0.0, 1.0) } else { 1.0 };
-        self.a.positions[row].lerp(&self.b.positions[row], share)
-    }
-}
 
 /// A place of a body near a vertex, at the end of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,7 +48,7 @@ pub struct BodyPoint {
 
 /// What a rigid body cannot do to a vertex in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds {
+pub(crate) struct Bounds {
     /// The vertex is at least this far from the body at the start of the step [m].
     pub distance: f64,
     /// The body carries the vertex at most this far [m].
@@ -91,7 +57,7 @@ pub struct Bounds {
 
 /// One body.
 #[derive(Debug)]
-pub struct Body {
+pub(crate) struct Body {
     kind: Kind,
     /// Coulomb friction coefficient.
     pub friction: f64,
@@ -190,7 +156,7 @@ impl Bodies {
     }
 
     /// The bodies.
-    pub fn list(&self) -> &[Body] {
+    pub(crate) fn list(&self) -> &[Body] {
         &self.list
     }
 
@@ -246,13 +212,13 @@ impl Bodies {
     }
 
     /// Number of bodies that are inside out at the end of the step.
-    pub fn turned(&self) -> usize {
+    pub(crate) fn turned(&self) -> usize {
         let is_turned = |body: &&Body| matches!(&body.kind, Kind::Surface(surface) if surface.mesh.is_turned());
         self.list.iter().filter(is_turned).count()
     }
 
     /// The attachment of a garment's vertex at `place` [m] to the nearest place of a surface at the end of the step.
-    pub fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
+    pub(crate) fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
         let Kind::Surface(surface) = &self.list[body].kind else { return None };
         let found = surface.mesh.closest(&place, f64::MAX.sqrt(), None)?;
         let points = surface.mesh.triangles()[found.triangle as usize];
@@ -290,7 +256,7 @@ impl Bodies {
 
     /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
     /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry.
-    pub fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+    pub(crate) fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
         match &self.list[body].kind {
             Kind::Rigid(rigid) => {
                 let (local_from, local_to) = (rigid.local(0, from), rigid.local(1, to));
@@ -339,7 +305,7 @@ impl Bodies {
     }
 
     /// Whether `x` [m] lies inside a body at the end of the step, also where the body's surfaces pass through one another.
-    pub fn contains(&self, body: usize, x: &Vec3) -> bool {
+    pub(crate) fn contains(&self, body: usize, x: &Vec3) -> bool {
         match &self.list[body].kind {
             Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(1, x)).0 < 0.0,
             Kind::Surface(surface) => surface.mesh.is_closed() && surface.mesh.winding_number(x) > 0,
@@ -355,7 +321,7 @@ impl Bodies {
     }
 
     /// Bounds on a rigid body around `x` [m] at the start of the step, cheap and safe from rounding; none on surfaces.
-    pub fn bounds(&self, body: usize, x: &Vec3) -> Option<Bounds> {
+    pub(crate) fn bounds(&self, body: usize, x: &Vec3) -> Option<Bounds> {
         match &self.list[body].kind {
             Kind::Rigid(rigid) => Some(rigid.bounds(x)),
             Kind::Surface(_) => None,
@@ -363,7 +329,7 @@ impl Bodies {
     }
 
     /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
-    pub fn fastest(&self, body: usize) -> f64 {
+    pub(crate) fn fastest(&self, body: usize) -> f64 {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.speed,
             Kind::Rigid(_) => f64::INFINITY,

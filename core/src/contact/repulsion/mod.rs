@@ -40,7 +40,7 @@ const CHUNK: usize = 1024;
 
 /// Settings of the laws (`docs/theory/self_contact.md#repulsion-with-history`).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Laws {
+pub(crate) struct Laws {
     /// Repulsion modulus E_r [N s²/(kg m) per unit of overlap; the authors' Young's modulus of repulsion].
     pub stiffness: f64,
     /// Largest fraction of the overlap that one step may restore.

@@ -43,7 +43,7 @@ const FORESIGHT: f64 = 1.3;
 
 /// Settings of geometric collisions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CollisionSettings {
+pub(crate) struct CollisionSettings {
     /// Largest number of time steps between two collision-free states.
     pub max_steps: u32,
 }
