@@ -59,10 +59,9 @@ CASES = {
 }
 
 
-def scene_of(program, case):
-    """The scene of a case as a program reads it: programs before `[check]` refuse that table, which no result depends on."""
-    if program == TODAY:
-        return case.scene
+def scene_of(case):
+    """The scene of a case, for both programs: earlier ones refuse the table `[check]`, which no result depends on. Both read it from
+    one folder, since checkpoints name their inputs by path."""
     # As deep below a folder with the shared data as the scene itself.
     scene = measured_folder() / "scenes" / case.scene.relative_to(ROOT)
     scene.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +74,7 @@ def scene_of(program, case):
 
 def run(program, case, out, last, threads=1, ranks=1):
     """Simulates a case up to a frame, in this folder."""
-    command = [program, "run", scene_of(program, case), "--frames", f"{case.first}-{last}", "--out", out, "--threads", threads]
+    command = [program, "run", scene_of(case), "--frames", f"{case.first}-{last}", "--out", out, "--threads", threads]
     command += ["--checkpoint-every", "1f", "--keep", 1000, "--progress", "none"]
     command += [f"--set={name}={value}" for name, value in case.settings.items()]
     if ranks > 1:
