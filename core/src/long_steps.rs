@@ -3,8 +3,8 @@
 
 // Rounds of a stage.
 
-/// Solves of a stage, each with the contact modes that the reactions of the solve before have shown to be right. A mode that is wrong
-/// after the last one is corrected in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+/// Solves of a stage of B.1, each with the contact modes that fit the reactions of the solve before. A mode that is wrong after the last
+/// one is corrected in B.5, which takes up to [`MOST_ROUNDS_OF_PAIRS`], or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const MOST_ROUNDS: usize = 4;
 
 /// Most solves of a stage in which the last one has left a pair unsettled. A step with a stage that has not settled after all of them
@@ -15,12 +15,12 @@ pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
 /// correct what the earlier ones leave. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const SETTLED: [f64; 3] = [0.1, 0.05, 0.01];
 
-/// Share of the reactions of bodies beyond Coulomb's law at the end of a step above which the step is counted. Guarded by
+/// Share of the reactions of bodies beyond Coulomb's law in the last round of B.5 above which the step is counted. Guarded by
 /// `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const WRONG: f64 = 0.02;
 
-/// Change of a pair's distance in the last round of a stage above which the pair is unsettled, over its thickness: its force is not
-/// known then. Guarded by `layers_with_one_step_a_frame_never_cross`.
+/// Change of a pair's normal velocity in the last round of a stage, times the step and over the pair's thickness, above which the pair
+/// is unsettled: its force is not known then. Its distance changes by α, 0.29, times as much. Guarded by `layers_with_one_step_a_frame_never_cross`.
 pub(crate) const SETTLED_PAIR: f64 = 0.5;
 
 /// Cap on the extrapolated displacement per stage, in mean edge lengths. After an impact the acceleration before is a bad prediction.

@@ -23,7 +23,7 @@ pub struct ForceContext<'a> {
     /// Where pinned vertices have to be during the step.
     pub targets: &'a PinTargets,
     /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
-    /// start of the step in B.1, foreseen for its middle in B.5. Empty there if no effect asks for them.
+    /// start of the step in B.1, foreseen for its middle in B.5, and at the stage in long steps. Empty in B.5 if no effect asks for them.
     pub v: &'a [Vec3],
     /// The wind of a file.
     pub wind: &'a WindGrid,
@@ -40,7 +40,7 @@ pub struct PartView<'a> {
     pub masses: &'a [f64],
     /// Positions of all vertices [m].
     pub x: &'a [Vec3],
-    /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
+    /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle; γ and 1 at the stages of long steps.
     pub fraction: f64,
     /// Everything else.
     pub context: ForceContext<'a>,

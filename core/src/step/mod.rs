@@ -13,7 +13,8 @@
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
-//! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
+//! [`Step::LISTING`] has a line for each of B.1 to B.8. Long steps have a listing of their own, [`Step::IMPLICIT_LISTING`]
+//! (`docs/theory/tr_bdf2.md`). A and C are around the steps, in `crate::simulation`.
 
 mod groups;
 mod semi_implicit;
@@ -32,7 +33,7 @@ use crate::observe::{Observer, Place};
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::BEHIND as PINS_BEHIND;
-use crate::scene::{Integrator, RepulsionPlace, Scene};
+use crate::scene::{Integrator, Scene};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 
 /// A step: what it works with, and how.
@@ -68,7 +69,7 @@ pub(crate) struct StepSettings<'a> {
     pub recovery_speed: RecoverySpeed,
     /// Mean edge of the cloth [m].
     pub mean_edge: f64,
-    /// When the damping solves stop.
+    /// Stopping criterion of the solves.
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
     pub held: Option<&'a [u32]>,
@@ -76,17 +77,10 @@ pub(crate) struct StepSettings<'a> {
     pub integrator: Integrator,
 }
 
-impl StepSettings<'_> {
-    /// True if self-repulsion acts in B.2 and B.8.
-    fn repels_by_impulses(&self) -> bool {
-        self.integrator.spec().repulsion == RepulsionPlace::Impulses
-    }
-}
-
 /// What a step reports.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct StepReport {
-    /// Iterations of both solves.
+    /// Iterations of all solves.
     pub cg_iterations: usize,
     /// Line at which a number stopped being finite; the rest of the step was not made.
     pub not_finite: Option<&'static str>,
@@ -202,9 +196,7 @@ impl<'a> Step<'a> {
     fn repel_half_velocity(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
-        if let Some(contact) =
-            contacts.cloth.as_mut().filter(|contact| contact.repels() && settings.repels_by_impulses())
-        {
+        if let Some(contact) = contacts.cloth.as_mut().filter(|contact| contact.repels()) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
             prescribed.apply_prescribed(parts, v_half);
         }
@@ -259,7 +251,7 @@ impl<'a> Step<'a> {
     fn repel_final_velocity(&mut self) {
         let Self { cloth, contacts, metrics, settings, .. } = self;
         let Contacts { bodies, cloth: contact } = &mut **contacts;
-        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels() && settings.repels_by_impulses()) {
+        if let Some(contact) = contact.as_mut().filter(|contact| contact.repels()) {
             let state = &mut cloth.state;
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);

@@ -1,7 +1,7 @@
 //! Contacts with bodies inside the solves of the implicit step (`docs/theory/tr_bdf2.md#contact-in-the-solves`).
 //!
 //! Friction after a solve, vertex by vertex, asks how much a vertex can be stopped by its own mass. In a long step stiff cloth
-//! is one piece: what stops a vertex has to hold the cloth that pulls at it as well. So each contact is in one of three modes
+//! is one piece: what stops a vertex has to hold the cloth that pulls at it as well. So each contact is in one of four modes
 //! during a solve, and what it bears, the reaction that the solve leaves, says whether the mode was right:
 //!
 //! ```text

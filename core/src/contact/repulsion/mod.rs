@@ -1,4 +1,5 @@
-//! History-based repulsion: impulses between pairs that are close, in every time step (`docs/theory/self_contact.md#repulsion-with-history`).
+//! History-based repulsion: impulses between pairs that are close, in every short step (`docs/theory/self_contact.md#repulsion-with-history`);
+//! forces of the same pairs in the solves of long ones ([`pair_forces`]).
 //!
 //! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the
 //! signed distance is measured against it. A pair that has passed through has a negative distance, and the same laws

@@ -66,7 +66,7 @@ pub(crate) struct PairForce {
 /// What a pair in touch remembers within a step, from one evaluation to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PairHistory {
-    /// What it bore in the two solves before, the later first; nothing where it was not in touch [N].
+    /// Push at the two evaluations before, the later first, after the solve where one followed; nothing where it was not in touch [N].
     pushes: [f64; 2],
     /// How fast its sides slid on each other when it was first evaluated in this step [m/s].
     first_slip: Option<f64>,

@@ -1,7 +1,7 @@
 //! Contact of cloth with cloth, and of cloth with the faces of deforming bodies, through one collision step.
 //!
 //! A collision step goes from one collision-free state to the next: A remembers the state and the sides of all pairs that
-//! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
+//! are close, K time steps follow with repulsions in B.2 and B.8 or in their solves, and C stops what would pass through something on the way.
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
 mod intersections;

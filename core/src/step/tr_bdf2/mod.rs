@@ -8,8 +8,9 @@
 //! B.6  v' = v₂
 //! ```
 //!
-//! Each stage is one linear solve about a prediction of second order: of v₁ with the last acceleration, of v₂ with that of the
-//! first stage. Vertices that rest on bodies move with them in the solves ([`crate::contact::bodies::active_set`]).
+//! Each stage is solved by Newton's method from a prediction of second order: of v₁ with the last acceleration, of v₂ with the
+//! acceleration of the first stage. One linear solve is enough where nothing touches. Vertices that rest on bodies move with them in the
+//! solves ([`crate::contact::bodies::active_set`]), and pairs of cloth repel each other there, so that B.2 and B.8 limit strain alone.
 
 mod arrays;
 mod newton;
@@ -38,16 +39,14 @@ const U: f64 = W - 1.0;
 
 impl<'a> Step<'a> {
     /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
-    pub(crate) const IMPLICIT_LISTING: [Line<'a>; 12] = [
+    pub(crate) const IMPLICIT_LISTING: [Line<'a>; 10] = [
         ("B.1", Self::implicit_half_velocity),
-        ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),
         ("B.3", Self::positions),
         ("B.4", Self::collide_with_bodies),
         ("B.5", Self::implicit_end_velocity),
         ("B.6", Self::take_end),
         ("B.7", Self::rub_on_bodies),
-        ("B.8", Self::repel_final_velocity),
         ("B.8", Self::limit_final_strain),
         ("end", Self::keep_acceleration),
         ("end", Self::end),
@@ -134,6 +133,7 @@ impl<'a> Step<'a> {
     fn find_resting(&mut self) -> Vec<ActiveContact> {
         let Self { parts, cloth, prescribed, contacts, settings, .. } = self;
         let Some(collision) = &mut contacts.bodies else { return Vec::new() };
+        // Velocities predicted for the middle of the step, in the array of v½, which B.1 overwrites.
         let (state, v_half) = (&cloth.state, &mut cloth.scratch.v_half);
         for ((v_half, v), a) in v_half.iter_mut().zip(&state.v).zip(&state.a) {
             *v_half = v + a * (0.5 * settings.dt);

@@ -102,6 +102,7 @@ impl Stages<'_> {
             total.worse |= outcome.worse;
             let factors = [stage.share_of_pairs(), alpha];
             note_solution(pairs, cg.pairs_mut().products(), factors);
+            // In B.5 forces are linearised at these positions alone: the step ends at those of B.4.
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
                 *x += change * alpha;
