@@ -134,7 +134,7 @@ def main():
     parser.add_argument("commit", help="the earlier program")
     parser.add_argument("cases", nargs="*", metavar="case", help=f"all of them unless named: {', '.join(CASES)}")
     parser.add_argument("--integrator", help="integrator of all cases, in place of that of each scene")
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
     if unknown := set(arguments.cases) - CASES.keys():
         parser.error(f"no such case: {', '.join(sorted(unknown))}")
     earlier, today = build(arguments.commit), TODAY
