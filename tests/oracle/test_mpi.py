@@ -78,6 +78,13 @@ def running(process):
     return state != "Z"
 
 
+def await_end(processes, began):
+    """Waits until none of these ranks runs, for `PATIENCE` since `began`."""
+    while any(map(running, processes.values())):
+        assert time.monotonic() - began < PATIENCE, f"still there: {list(filter(running, processes.values()))}"
+        time.sleep(0.1)
+
+
 @pytest.mark.parametrize("lost", [0, 3])
 def test_a_rank_killed_from_outside_ends_the_others(conformance, report_figure, lost):
     job = conformance(4, "wait")
@@ -91,9 +98,7 @@ def test_a_rank_killed_from_outside_ends_the_others(conformance, report_figure, 
     os.kill(processes[lost], signal.SIGKILL)
     said, _ = job.communicate(timeout=PATIENCE)
     assert job.returncode != 0, said
-    while any(map(running, processes.values())):
-        assert time.monotonic() - began < PATIENCE, f"still there: {list(filter(running, processes.values()))}"
-        time.sleep(0.1)
+    await_end(processes, began)
     report_figure(f"without rank {lost} the others ended after {time.monotonic() - began:.1f} s")
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from farm import BAD_INPUT, DONE, DRAPERY, IO, MISSING_INPUT, PATIENCE, STOPPED, Shot
 from judges import ROOT, SHARED
-from test_mpi import AS_ROOT, MORE_THAN_CORES, running
+from test_mpi import AS_ROOT, MORE_THAN_CORES, await_end
 
 PROGRAM = os.environ.get("DRAPERY_MPI", DRAPERY)
 ENVIRONMENT = {**os.environ, **AS_ROOT, **MORE_THAN_CORES, "OMPI_MCA_mpi_yield_when_idle": "1", "RUST_BACKTRACE": "0"}
@@ -194,25 +194,18 @@ def test_a_second_signal_stops_all_at_once(tmp_path):
     wait(job, out, STOPPED)
 
 
-def await_end(found):
-    """Waits until none of these ranks runs."""
-    began = time.monotonic()
-    while any(map(running, found.values())):
-        assert time.monotonic() - began < PATIENCE, "a rank is still there"
-        time.sleep(0.1)
-
-
 def test_a_launcher_that_is_terminated_leaves_a_run_that_goes_on(whole, tmp_path):
     """Open MPI's mpirun sends SIGTERM to the ranks after a second, and SIGKILL after another: some stop in order."""
     out = tmp_path / "out"
     job = Ranks(LONG, 3).start(out)
     await_frame(job, out, 2)
     found = processes(out)
+    began = time.monotonic()
     job.send_signal(signal.SIGTERM)
     job.wait(timeout=PATIENCE)
     assert job.returncode != DONE
     # Where the machine is busy, a rank that was killed outlives its launcher for a moment.
-    await_end(found)
+    await_end(found, began)
     assert last_frame(out) < LONG.last
     Ranks(LONG, 2).run(out)
     assert_same(whole, results(out), "a launcher that was terminated")
@@ -228,7 +221,7 @@ def test_a_killed_rank_ends_the_job_and_it_goes_on(whole, tmp_path, report_figur
     os.kill(found[lost], signal.SIGKILL)
     job.wait(timeout=PATIENCE)
     assert job.returncode != 0
-    await_end(found)
+    await_end(found, began)
     report_figure(f"without rank {lost} the others ended after {time.monotonic() - began:.1f} s")
     Ranks(LONG, 2).run(out, "--checkpoint-every", "2f")
     found = results(out)

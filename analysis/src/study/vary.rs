@@ -128,6 +128,10 @@ impl BaseSettings {
 
     /// Settings that go with a change of the integrator: keys of the scene that it does not read, and would refuse, get their defaults.
     fn resets(&self, name: &str, value: &str) -> Vec<(String, String)> {
+        // A key that has no effect in the scene itself was refused before.
+        if ![INTEGRATOR, PRESET.name].contains(&name) {
+            return Vec::new();
+        }
         let unused = self.integrator_with(&[(name, value)]).unused_keys(self.limits_long_steps());
         let of_scene = |key: &str| match key {
             CFL => Some(self.cfl),
@@ -137,9 +141,7 @@ impl BaseSettings {
         let usual = Settings::defaults(SolverSettings::FIELDS);
         let differs = |key: &&str| of_scene(key).is_some_and(|value| value != usual.number(key));
         let keys = unused.map(|unused| unused.key).filter(differs);
-        let resets = keys.map(|key| (key_of(key), usual.number(key).to_string()));
-        // A key that has no effect in the scene itself was refused before.
-        if [INTEGRATOR, PRESET.name].contains(&name) { resets.collect() } else { Vec::new() }
+        keys.map(|key| (key_of(key), usual.number(key).to_string())).collect()
     }
 
     /// Whether an effect of the scene has a setting of this name.
