@@ -1,8 +1,11 @@
 //! Cloth against the faces, edges and corners of meshes: no edge pokes through, and what bodies pinch comes out again.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::metrics::Metrics;
-use drapery_core::scene::{BodyDescription, EffectRequest, SceneDescription};
+use drapery_core::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription,
+};
 use drapery_tests::*;
 
 use crate::{FPS, MeshBody, box_mesh, run_with_mesh, upright_sheet};
@@ -75,4 +78,34 @@ fn cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_
     assert!(all.counted("body_pinched") + all.counted("pairs_pinched") > 0, "the bodies pinch");
     assert!(all.counted("crossings") > 0, "what is pinched crosses the bodies");
     assert!(!left.is_empty() && left.iter().all(|crossings| *crossings == 0), "still crossing: {left:?}");
+}
+
+#[test]
+fn layers_in_a_gap_too_narrow_for_them_are_not_struck_however_short_the_steps_are() {
+    // Each layer is to be in the middle of the gap, and collisions keep them apart.
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let layer = |name: &str, height: f64| {
+            let mut garment = GarmentDescription::new(name, sheet(6, 6, 0.02), 0.2);
+            garment.mesh.points.iter_mut().for_each(|p| p.y = height);
+            (garment.thickness, garment.mesh.points[24].y) = (1e-4, height + 1e-4);
+            garment
+        };
+        let mut description = scene_of(layer("lower", 0.0007), FPS);
+        description.garments.push(layer("upper", 0.0021));
+        (0..2).for_each(|garment| add_cloth(&mut description, garment, 100.0));
+        add_self_contact(&mut description);
+        for side in [-1.0, 1.0] {
+            let block = BodyShape::Rigid(Shape::Box { half_extents: [0.5, 0.05, 0.5] });
+            let motion = RigidMotion::at(Vec3::new(0.0, 0.0015 + side * 0.0515, 0.0));
+            add_body(&mut description, block, motion, 0.3);
+        }
+        description.bodies.iter_mut().for_each(|body| body.thickness = 0.002);
+        let shortest = description.timeline.frame_duration() / 400.0;
+        (description.solver.integrator, description.solver.max_dt) = (integrator, Some(shortest));
+        let mut simulation = start(description);
+        let summary = run(&mut simulation, 1);
+        assert!(summary.metrics.counted("body_squeezed") > 0 && simulation.crossings().is_empty(), "{integrator:?}");
+        let fastest = velocities(&simulation).iter().map(|v| v.norm()).fold(0.0, f64::max);
+        assert!(fastest < 1.0, "{integrator:?}: {fastest} m/s");
+    }
 }

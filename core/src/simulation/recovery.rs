@@ -2,7 +2,7 @@
 //! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
-//! next step, where a solve has diverged or has not converged, where a stage has left pairs of layers unsettled, where collisions have
+//! next step or allows only a tiny one, where a solve has diverged or has not converged, where a stage has left pairs of layers unsettled, where collisions have
 //! moved a vertex far in a long step, or where zones of collisions had to be stopped. The levels are: half the time step, up to six
 //! times; tighter solves; more attempts with impulses; zones at once; no repulsion around the vertices concerned; and at last these
 //! vertices keep the positions of the collision-free state, more of them in each of some attempts, then all. A state that is not finite
@@ -48,6 +48,10 @@ const CALM: u32 = 3;
 /// Rate of strain times the length of the step that led to it, over what a step is allowed, from which on the step counts
 /// as gone wrong.
 const MAX_STRAIN_PER_STEP_FACTOR: f64 = 5.0;
+
+/// Next step that the rate of strain allows, over the longest, below which the step has gone wrong: velocities that grow while steps
+/// shrink would bring the run to a standstill.
+const SHORTEST_NEXT_STEP: f64 = 1.0 / 4096.0;
 
 /// How much tighter solves become, and how many more iterations they get.
 const TIGHTER: f64 = 0.01;
@@ -282,7 +286,7 @@ impl Simulation {
         let rate = self.rate_of_strain();
         if !rate.is_finite() {
             Some(FailureKind::NotFinite("of the step"))
-        } else if rate * self.retry.dt > self.largest_strain_of_a_step() {
+        } else if rate > self.largest_rate_of_strain() {
             Some(FailureKind::Wild)
         } else if ending == Ending::Resolved && self.was_struck() {
             Some(FailureKind::Struck)
@@ -291,9 +295,12 @@ impl Simulation {
         }
     }
 
-    /// Rate of strain times the length of the step that led to it, from which on the step counts as gone wrong.
-    fn largest_strain_of_a_step(&self) -> f64 {
-        MAX_STRAIN_PER_STEP_FACTOR * self.scene.description().solver.largest_strain_per_step()
+    /// Rate of strain above which a step counts as gone wrong [1/s].
+    fn largest_rate_of_strain(&self) -> f64 {
+        let settings = &self.scene.description().solver;
+        let shortest = SHORTEST_NEXT_STEP
+            * self.limit.longest(settings, 1.0).min(self.scene.description().timeline.frame_duration());
+        settings.largest_strain_per_step() * (MAX_STRAIN_PER_STEP_FACTOR / self.retry.dt).min(1.0 / shortest)
     }
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
@@ -409,7 +416,7 @@ impl Simulation {
                 if own.0 == largest { vec![own.1] } else { Vec::new() }
             }
             FailureKind::Wild => {
-                let rate = self.largest_strain_of_a_step() / self.retry.dt;
+                let rate = self.largest_rate_of_strain();
                 let ranges = self.limit.parts_faster_than(rate).map(|part| parts.ranges()[part].clone());
                 ranges.flatten().map(|vertex| parts.number(vertex)).collect()
             }

@@ -541,7 +541,11 @@ impl Search<'_> {
                     return Some((first_at.velocity + at.velocity) * 0.5);
                 }
                 self.counts.squeezed += 1;
-                *x1 = between;
+                // Other layers may stand in its way, and would be struck with distance/dt.
+                let carried = x + (first_at.displacement + at.displacement) * 0.5;
+                let distance = (between - carried).dot(&first_at.normal);
+                let made_up = self.step.recovery_speed.of(distance.abs()).copysign(distance);
+                *x1 = between - first_at.normal * (distance - made_up);
                 (offset, squeezed) = (room, Some(room));
                 let Some(found) = self.nearest(body, x, x1) else { continue };
                 at = found;
