@@ -3,7 +3,7 @@
 use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraints, share_borne_by_bodies};
 use crate::contact::colouring::order::Order;
-use crate::contact::topology::pair::Pair;
+use crate::contact::topology::pair::{Pair, PairKind};
 
 /// A pair and its side.
 #[derive(Debug, Clone, Copy)]
@@ -13,6 +13,25 @@ pub(super) struct OrientedPair {
     /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
     /// from the second to the first.
     pub(super) side: Vec3,
+    /// Distance at the collision-free state [m].
+    pub(super) start_distance: f64,
+}
+
+impl OrientedPair {
+    /// Whether displacements since the collision-free state [m] prove that the pair is farther apart than `reach` [m]. The distance of
+    /// two points, one of each side, changes by at most the largest difference of displacements between the sides.
+    #[inline]
+    pub(super) fn is_beyond(&self, displacements: &[Vec3], reach: f64) -> bool {
+        // Displacements are differences of rounded positions.
+        let room = (1.0 - 1e-6) * self.start_distance - reach;
+        let [a, b, c, d] = self.pair.nodes.map(|node| displacements[node as usize]);
+        let is_less = |one: &Vec3, other: &Vec3| (one - other).norm_squared() < room * room;
+        let crosswise = || match self.pair.kind {
+            PairKind::PointTriangle => is_less(&a, &b) && is_less(&a, &c) && is_less(&a, &d),
+            PairKind::EdgeEdge => is_less(&a, &c) && is_less(&a, &d) && is_less(&b, &c) && is_less(&b, &d),
+        };
+        room > 0.0 && crosswise()
+    }
 }
 
 /// A pair as the laws see it.

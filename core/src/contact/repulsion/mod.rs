@@ -340,7 +340,7 @@ fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<Oriente
         PairKind::PointTriangle => Vec3::x() * along.signum(),
         PairKind::EdgeEdge => apart / distance,
     };
-    Some(OrientedPair { pair, thickness: f64::from(neighbour.thickness), side })
+    Some(OrientedPair { pair, thickness: f64::from(neighbour.thickness), side, start_distance: distance })
 }
 
 impl OrientedPair {

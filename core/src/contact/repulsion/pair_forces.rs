@@ -25,6 +25,8 @@ pub(crate) struct PairStage<'a> {
     pub surface: &'a ContactSurface,
     /// Positions of all nodes, ghosts and points of bodies included [m].
     pub x: &'a [Vec3],
+    /// Their displacements since the collision-free state [m].
+    pub displacements: &'a [Vec3],
     /// Their velocities [m/s].
     pub v: &'a [Vec3],
     /// Inverse masses of the nodes of cloth, zero where held [1/kg].
@@ -124,6 +126,9 @@ pub(super) fn pair_forces(
 impl OrientedPair {
     /// What the pair does, if it is in touch and nothing pulls it.
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
+        if self.is_beyond(at.displacements, self.thickness) {
+            return None;
+        }
         let (weights, normal, distance) = self.touch(laws, at.x, self.thickness)?;
         let (nodes, surface) = (self.pair.nodes, at.surface);
         let overlap = self.thickness - distance;

@@ -38,6 +38,9 @@ const STEP_COUNTS: [&str; 5] =
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LARGEST_DISPLACEMENT: f64 = 0.5;
 
+/// Rounding of the displacements of a state that was put back to where its list was made, as a share of edges.
+const REWOUND: f64 = 1e-12;
+
 /// What may go wrong with foreseeing motion from the last collision step.
 const FORESIGHT: f64 = 1.3;
 
@@ -82,6 +85,8 @@ pub(crate) struct SelfContact {
     has_isolated: bool,
     /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
     cloth: [Vec<Vec3>; 2],
+    /// Displacements of all nodes since the collision-free state at a stage of a long step [m].
+    displacements: Vec<Vec3>,
     /// Distance that collisions keep in this collision step [m].
     gap: f64,
     /// Time of the collision-free state [s].
@@ -143,6 +148,7 @@ impl SelfContact {
             paths: NodePaths::default(),
             has_isolated: scene.isolated().is_some(),
             cloth: Default::default(),
+            displacements: Vec::new(),
             gap: 0.0,
             start_time: 0.0,
             displacement_rate: 0.0,
@@ -229,9 +235,13 @@ impl SelfContact {
         let displacement = per_step * f64::from(steps);
         self.gap = self.gap_now();
         self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
-        if self.skin_used + displacement > self.proximity.skin() || self.skin_used.is_nan() {
+        let reach = skin::after(&self.proximity, displacement);
+        // A step that is tried again starts where its list was made.
+        let is_made_here = self.skin_used < REWOUND && self.proximity.full_skin() == reach;
+        let lasts = self.skin_used + displacement <= self.proximity.skin();
+        if !(is_made_here || lasts) {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
-            self.rebuild(skin::after(&self.proximity, displacement));
+            self.rebuild(reach);
             self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {

@@ -51,10 +51,14 @@ impl SelfContact {
         (fraction, dt): (f64, f64),
         before: &[PairForce],
     ) -> Vec<PairForce> {
-        let Self { surface, repulsions: Some(repulsions), mobility, cloth, .. } = self else { return Vec::new() };
+        let Self { surface, repulsions: Some(repulsions), mobility, cloth, paths, displacements, .. } = self else {
+            return Vec::new();
+        };
         surface.gather_stage([x, v], bodies, fraction, cloth);
         let [x, v] = cloth;
-        repulsions.pair_forces(&PairStage { surface, x, v, mobility, dt }, before)
+        displacements.clear();
+        displacements.extend(x.iter().zip(&paths.start).map(|(x, start)| x - start));
+        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, dt }, before)
     }
 
     /// The numbering of the nodes of pairs.

@@ -37,7 +37,8 @@ impl CloseTriangles {
             PairKind::PointTriangle => Vec3::x() * (at[2] - at[1]).cross(&(at[3] - at[1])).dot(&up).signum(),
             PairKind::EdgeEdge => up,
         };
-        let pair = OrientedPair { pair, thickness: THICKNESS, side };
+        let start_distance = pair.closest(&at).apart.norm();
+        let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance };
         let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
         x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
         Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility }
@@ -49,7 +50,9 @@ impl CloseTriangles {
 
     fn force_after(&self, history: PairHistory) -> Option<PairForce> {
         let Self { surface, x, v, mobility, .. } = self;
-        self.pair.force(&LAWS, &PairStage { surface, x, v, mobility, dt: 0.005 }, |_| history)
+        let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
+        let displacements = &displacements;
+        self.pair.force(&LAWS, &PairStage { surface, x, displacements, v, mobility, dt: 0.005 }, |_| history)
     }
 
     /// Moves the upper triangle.

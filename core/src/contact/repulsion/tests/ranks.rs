@@ -67,6 +67,7 @@ impl Heap {
                         pair: Pair { kind, nodes: pair.map(local) },
                         thickness: 0.5,
                         side,
+                        start_distance: 0.5,
                     });
                 }
             }
