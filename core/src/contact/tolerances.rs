@@ -76,3 +76,11 @@ pub(crate) const RESTING: f64 = 1e-12;
 /// Speed below which friction of a pair in a solve grows with the slip instead of being that of Coulomb's law [m/s]: a millimetre a
 /// second. Guarded by `friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it`.
 pub(crate) const SLOW_SLIP: f64 = 1e-3;
+
+/// Share of a distance at the collision-free state that rounding of it and of displacements since may be. Guarded by
+/// `displacements_prove_only_what_is_so`.
+pub(crate) const DISTANCE_ROUNDING: f64 = 1e-6;
+
+/// Displacement of a state that was put back to where its list of pairs was made, as a share of edges: rounding. Guarded by
+/// `layers_with_one_step_a_frame_never_cross`.
+pub(crate) const REWOUND: f64 = 1e-12;

@@ -211,7 +211,7 @@ impl Simulation {
             report: StepReport::default(),
         };
         let report = step.advance();
-        self.retry.note_step(choice.dt, &report);
+        self.retry.note_step(choice.dt, rate, &report);
         self.limit.forget_rate();
         if let Some(stage) = report.not_finite {
             return Ok(Some(FailureKind::NotFinite(stage)));

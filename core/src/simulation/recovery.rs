@@ -49,8 +49,8 @@ const CALM: u32 = 3;
 /// as gone wrong.
 const MAX_STRAIN_PER_STEP_FACTOR: f64 = 5.0;
 
-/// Next step that the rate of strain allows, over the longest, below which the step has gone wrong: velocities that grow while steps
-/// shrink would bring the run to a standstill.
+/// Next step that the rate of strain allows, over the longest, below which a step that has doubled this rate has gone wrong: velocities
+/// that grow while steps shrink would bring the run to a standstill.
 const SHORTEST_NEXT_STEP: f64 = 1.0 / 4096.0;
 
 /// How much tighter solves become, and how many more iterations they get.
@@ -159,6 +159,8 @@ pub(super) struct RetryState {
     held: Option<Vec<u32>>,
     /// Length of the last step [s].
     dt: f64,
+    /// Largest rate of strain at its start [1/s].
+    rate_before: f64,
     /// The state at the start of the collision step, where self-contact does not keep it.
     start: Option<State>,
     /// The accelerations there, which self-contact does not keep.
@@ -204,9 +206,10 @@ impl RetryState {
         self.held.as_deref()
     }
 
-    /// A step of this length was made [s]. Solves that ended above their tolerance count once the step is taken.
-    pub(super) fn note_step(&mut self, dt: f64, report: &StepReport) {
-        self.dt = dt;
+    /// A step of this length was made [s], from a state with this largest rate of strain [1/s]. Solves that ended above their tolerance
+    /// count once the step is taken.
+    pub(super) fn note_step(&mut self, dt: f64, rate: f64, report: &StepReport) {
+        (self.dt, self.rate_before) = (dt, rate);
         self.of_step = (report.concerned.clone(), self.of_step.1 + report.short_solves);
     }
 
@@ -297,10 +300,11 @@ impl Simulation {
 
     /// Rate of strain above which a step counts as gone wrong [1/s].
     fn largest_rate_of_strain(&self) -> f64 {
-        let settings = &self.scene.description().solver;
-        let shortest = SHORTEST_NEXT_STEP
-            * self.limit.longest(settings, 1.0).min(self.scene.description().timeline.frame_duration());
-        settings.largest_strain_per_step() * (MAX_STRAIN_PER_STEP_FACTOR / self.retry.dt).min(1.0 / shortest)
+        let description = self.scene.description();
+        let strain = description.solver.largest_strain_per_step();
+        let longest = self.limit.longest(&description.solver, 1.0).min(description.timeline.frame_duration());
+        let runs_away = (strain / (SHORTEST_NEXT_STEP * longest)).max(2.0 * self.retry.rate_before);
+        runs_away.min(MAX_STRAIN_PER_STEP_FACTOR * strain / self.retry.dt)
     }
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
@@ -468,6 +472,9 @@ pub(super) fn is_finite(v: &Vec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::PolygonMesh;
+    use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+    use crate::simulation::FrameInput;
 
     /// The levels taken until none is left or the state is accepted.
     fn levels(failure: FailureKind, scene: [bool; 2]) -> Vec<RetryLevel> {
@@ -500,6 +507,26 @@ mod tests {
         // What C has moved far is free of collisions, and the best that a solve comes to is taken and counted.
         assert_eq!(levels(FailureKind::Struck, [true; 2]), [Shorter; 4]);
         assert_eq!(levels(FailureKind::Short, [true; 2]), [Shorter, Shorter, Tighter]);
+    }
+
+    #[test]
+    fn velocities_that_grow_while_steps_shrink_have_gone_wrong_and_fast_ones_have_not() {
+        let corners = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]].map(Vec3::from);
+        let mesh = PolygonMesh::from_triangles(corners.to_vec(), &[[0, 1, 2]]);
+        let mut description = SceneDescription::new("fast");
+        description.garments.push(GarmentDescription::new("triangle", mesh, 0.2));
+        description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        let start = FrameInput::to_frame(scene.description().timeline.start);
+        let mut simulation = Simulation::new(scene, &start).unwrap_or_else(|problems| panic!("{problems}"));
+        simulation.cloth.state.v[1] = Vec3::x() * 1e5;
+        let rate = simulation.rate_of_strain();
+        // Each step is as long as the rate of strain allows.
+        let dt = simulation.scene.description().solver.largest_strain_per_step() / rate;
+        for (growth, failure) in [(1.5, None), (3.0, Some(FailureKind::Wild))] {
+            simulation.retry.note_step(dt, rate / growth, &StepReport::default());
+            assert_eq!(simulation.find_failure(Ending::Resolved), failure, "{growth}");
+        }
     }
 
     #[test]

@@ -344,7 +344,9 @@ fn pair_thickness(pair: &Pair, thickness: &[f64]) -> f64 {
 /// Whether the two belong to one garment and lie this close by construction.
 fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bool {
     let limit = CLOSE_AT_REST * ACTIVE * thickness;
-    surface.is_one_garment(pair) && pair.closest(&pair.positions(surface.rest())).apart.norm_squared() <= limit * limit
+    let is_close =
+        |at: &[Vec3; 4]| !pair.is_beyond(at, limit) && pair.closest(at).apart.norm_squared() <= limit * limit;
+    surface.is_one_garment(pair) && is_close(&pair.positions(surface.rest()))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraints, share_borne_by_bodies};
 use crate::contact::colouring::order::Order;
+use crate::contact::tolerances::DISTANCE_ROUNDING;
 use crate::contact::topology::pair::{Pair, PairKind};
 
 /// A pair and its side.
@@ -22,8 +23,7 @@ impl OrientedPair {
     /// two points, one of each side, changes by at most the largest difference of displacements between the sides.
     #[inline]
     pub(super) fn is_beyond(&self, displacements: &[Vec3], reach: f64) -> bool {
-        // Displacements are differences of rounded positions.
-        let room = (1.0 - 1e-6) * self.start_distance - reach;
+        let room = (1.0 - DISTANCE_ROUNDING) * self.start_distance - reach;
         let [a, b, c, d] = self.pair.nodes.map(|node| displacements[node as usize]);
         let is_less = |one: &Vec3, other: &Vec3| (one - other).norm_squared() < room * room;
         let crosswise = || match self.pair.kind {

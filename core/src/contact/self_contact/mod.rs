@@ -18,7 +18,7 @@ use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Loop
 use crate::contact::intersections::exact::ignored_pairs;
 use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::self_contact::substeps::Substeps;
-use crate::contact::tolerances::GAP_ROUNDINGS;
+use crate::contact::tolerances::{GAP_ROUNDINGS, REWOUND};
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::crossings::Crossing;
@@ -37,9 +37,6 @@ const STEP_COUNTS: [&str; 5] =
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LARGEST_DISPLACEMENT: f64 = 0.5;
-
-/// Rounding of the displacements of a state that was put back to where its list was made, as a share of edges.
-const REWOUND: f64 = 1e-12;
 
 /// What may go wrong with foreseeing motion from the last collision step.
 const FORESIGHT: f64 = 1.3;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::contact::repulsion::tests::{LAWS, THICKNESS, scenes};
 use crate::contact::topology::pair::{Pair, PairKind};
+use crate::geometry::random::SplitMix64;
 
 /// A pair of two triangles of a scene, a corner over a face or an edge over an edge, at a distance, above by `overlap` of the
 /// thickness.
@@ -100,6 +101,28 @@ fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
         touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - distance));
         let found = touching.force().expect("it is in touch").force.norm() / area;
         assert!((found - pressure).abs() < 1e-6 * pressure, "{found} Pa at {overlap} of the thickness, not {pressure}");
+    }
+}
+
+#[test]
+fn displacements_prove_only_what_is_so() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let touching = CloseTriangles::new(kind);
+        let (x, mut proven) = (touching.surface.rest(), 0);
+        let mut random = SplitMix64::new(3);
+        for _ in 0..2000 {
+            let displacements: Vec<Vec3> = x.iter().map(|_| random.vector() * 0.02).collect();
+            let moved: Vec<Vec3> = x.iter().zip(&displacements).map(|(x, displacement)| x + displacement).collect();
+            let distance = touching.pair.pair.closest(&touching.pair.pair.positions(&moved)).apart.norm();
+            for reach in [0.1 * touching.pair.start_distance, 0.9 * touching.pair.start_distance] {
+                let is_beyond = touching.pair.is_beyond(&displacements, reach);
+                assert!(!is_beyond || distance > reach, "{kind:?}: {distance} m, not beyond {reach} m");
+                proven += u32::from(is_beyond);
+            }
+        }
+        // What moves as one stays as far apart.
+        assert!(touching.pair.is_beyond(&[Vec3::x(); 6], 0.9 * touching.pair.start_distance), "{kind:?}");
+        assert!(proven > 100, "{kind:?}: {proven} of 4000 are proven");
     }
 }
 
