@@ -111,7 +111,7 @@ fn displacements_prove_only_what_is_so() {
         let (x, mut proven) = (touching.surface.rest(), 0);
         let mut random = SplitMix64::new(3);
         for _ in 0..2000 {
-            let displacements: Vec<Vec3> = x.iter().map(|_| random.vector() * 0.02).collect();
+            let displacements: Vec<Vec3> = x.iter().map(|_| random.vector() * 0.01).collect();
             let moved: Vec<Vec3> = x.iter().zip(&displacements).map(|(x, displacement)| x + displacement).collect();
             let distance = touching.pair.pair.closest(&touching.pair.pair.positions(&moved)).apart.norm();
             for reach in [0.1 * touching.pair.start_distance, 0.9 * touching.pair.start_distance] {
