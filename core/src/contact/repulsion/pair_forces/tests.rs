@@ -120,6 +120,18 @@ fn displacements_prove_only_what_is_so() {
                 proven += u32::from(is_beyond);
             }
         }
+        // Any two nodes that approach each other may close the distance.
+        let (nodes, first) = (touching.pair.pair.nodes, if kind == PairKind::PointTriangle { 1 } else { 2 });
+        for (one, other) in (0..first).flat_map(|one| (first..4).map(move |other| (one, other))) {
+            let mut displacements = [Vec3::zeros(); 6];
+            for (node, side) in [(one, 1.0), (other, -1.0)] {
+                displacements[nodes[node] as usize] = Vec3::y() * (0.3 * side * touching.pair.start_distance);
+            }
+            assert!(
+                !touching.pair.is_beyond(&displacements, 0.5 * touching.pair.start_distance),
+                "{kind:?} {one} {other}"
+            );
+        }
         // What moves as one stays as far apart.
         assert!(touching.pair.is_beyond(&[Vec3::x(); 6], 0.9 * touching.pair.start_distance), "{kind:?}");
         assert!(proven > 100, "{kind:?}: {proven} of 4000 are proven");
