@@ -45,6 +45,19 @@ pub(crate) const STIFFENING: f64 = 4.0;
 /// that slide on each other came and went from round to round. Guarded by `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
 pub(crate) const ONSET: f64 = 0.1;
 
+/// Damping time of a pair, times the frequency of its linear spring and the reduced mass of its nodes: 2 is critical. Lighter touches have a
+/// softer spring and less damping. Guarded by `a_pair_that_lands_on_its_onset_hardly_bounces`.
+pub(crate) const PAIR_DAMPING: f64 = 3.0;
+
+/// Distance over the thickness up to which pairs that approach each other are looked for: a damper acts before they touch. Guarded by
+/// `a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back`.
+pub(crate) const LOOK_AHEAD: f64 = 2.0;
+
+/// Distance over the thickness up to which pairs that have passed through each other within a stage are pulled back: as far as a step
+/// takes them. Guarded by
+/// `a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back`.
+pub(crate) const LOOK_BEHIND: f64 = 20.0;
+
 /// Gap up to which a vertex rests on a body, as a share of the distance at which it is in contact. Guarded by
 /// `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const RESTING_GAP: f64 = 0.02;

@@ -38,6 +38,8 @@ pub struct IntegratorSpec {
     pub is_implicit: bool,
     /// Lines in which self-repulsion acts.
     pub repulsion: RepulsionPlace,
+    /// True if the solves drag vertices along that are pinched by surfaces which have passed through one another; else B.4 does.
+    pub pinched_in_solves: bool,
     /// True if a step predicts with the acceleration of the last one, which checkpoints keep.
     pub keeps_acceleration: bool,
     /// Largest relative change of an edge's length in one step where the scene says none: short steps are shortened for stability,
@@ -68,6 +70,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
     IntegratorSpec {
         is_implicit: false,
         repulsion: RepulsionPlace::Impulses,
+        pinched_in_solves: false,
         keeps_acceleration: false,
         strain_per_step: 0.1,
         version: 0,
@@ -81,9 +84,10 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
     IntegratorSpec {
         is_implicit: true,
         repulsion: RepulsionPlace::Solves,
+        pinched_in_solves: true,
         keeps_acceleration: true,
         strain_per_step: 0.5,
-        version: 6,
+        version: 7,
         unused: &[UnusedKey {
             key: "cfl",
             because: "`steps_per_frame` chooses the steps of `tr_bdf2`",

@@ -176,6 +176,7 @@ impl Simulation {
         let settings = &scene.description().solver;
         let parts = scene.parts();
         let watch = Watch::start();
+        let retries = self.retries(FailureKind::Unsettled);
         let rate = self.rate_of_strain();
         let of_longest = self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share);
         let shares = StepShares { of_longest, of_allowed: self.retry.part() };
@@ -207,6 +208,7 @@ impl Simulation {
                 stop,
                 held: self.retry.held().or(scene.isolated()),
                 integrator: settings.integrator,
+                retries,
             },
             report: StepReport::default(),
         };

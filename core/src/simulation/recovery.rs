@@ -336,15 +336,25 @@ impl Simulation {
         }
     }
 
+    /// The next level against a failure; `None` when there is none left.
+    fn next_level(&self, failure: FailureKind) -> Option<RetryLevel> {
+        let contact = self.contacts.cloth.as_ref();
+        let [collides, repels] = [contact.is_some_and(|c| c.keeps_free()), contact.is_some_and(|c| c.repels())];
+        self.retry.next(failure, [collides, repels])
+    }
+
+    /// Whether a step with this failure would be taken back.
+    pub(super) fn retries(&self, failure: FailureKind) -> bool {
+        self.next_level(failure).is_some()
+    }
+
     /// Takes the collision step back to be tried again; false where no level is left and the state is finite, so that C makes it
     /// free of collisions.
     ///
     /// # Errors
     /// Nothing is left to try; the state is the last good one.
     pub(super) fn recover(&mut self, failure: FailureKind, frame: i64) -> Result<bool, StepError> {
-        let contact = self.contacts.cloth.as_ref();
-        let [collides, repels] = [contact.is_some_and(|c| c.keeps_free()), contact.is_some_and(|c| c.repels())];
-        let next = self.retry.next(failure, [collides, repels]);
+        let next = self.next_level(failure);
         let (garment, vertices) = self.attribute(failure);
         let Some(level) = next else {
             let FailureKind::NotFinite(stage) = failure else { return Ok(false) };

@@ -117,19 +117,11 @@ impl Contacts {
     ) -> Ending {
         let Self { bodies, cloth: Some(contact) } = self else { return Ending::Resolved };
         let CollisionEnd { x, v, duration, may_rewind, checks_all } = end;
-        let moved = |vertex, by| note_moved(bodies, vertex, by);
         let options = [may_rewind, checks_all];
-        let ending = contact.end_collision_step((x, v), prescribed, duration, options, metrics, moved);
+        let ending = contact.end_collision_step((x, v), prescribed, duration, options, metrics, bodies.as_mut());
         parts.halo().update(parts.ranks(), x);
         parts.halo().update(parts.ranks(), v);
         ending
-    }
-}
-
-/// Body collision hears that contact of cloth has moved a vertex [m].
-fn note_moved(bodies: &mut Option<BodyCollision>, vertex: usize, by: f64) {
-    if let Some(bodies) = bodies {
-        bodies.moved(vertex, by);
     }
 }
 

@@ -75,6 +75,8 @@ pub(crate) struct StepSettings<'a> {
     pub held: Option<&'a [u32]>,
     /// The integrator of the scene.
     pub integrator: Integrator,
+    /// True if a step that has diverged or has not settled is taken back, so that its rest need not be made.
+    pub retries: bool,
 }
 
 /// What a step reports.
@@ -145,7 +147,8 @@ impl<'a> Step<'a> {
             if self.observer.is_some() {
                 self.show(at);
             }
-            if self.report.not_finite.is_some() {
+            let is_taken_back = self.settings.retries && (self.report.unsettled || self.report.diverged);
+            if self.report.not_finite.is_some() || is_taken_back {
                 break;
             }
         }
@@ -228,7 +231,8 @@ impl<'a> Step<'a> {
             metrics.stage("B.4 body collision", |m| {
                 let own = parts.own();
                 let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own.clone()]);
-                let step = CollisionStep { bodies, dt: settings.dt, recovery_speed, x, v, v_half };
+                let (dt, pinched_in_solves) = (settings.dt, settings.integrator.spec().pinched_in_solves);
+                let step = CollisionStep { bodies, dt, recovery_speed, x, v, v_half, pinched_in_solves };
                 collision.positions(&step, &mut x_new[own.clone()], &mut v_star[own], m);
             });
         }

@@ -1,7 +1,7 @@
 //! Contacts with bodies inside the solves of the implicit step (`docs/theory/tr_bdf2.md#contact-in-the-solves`).
 //!
 //! Friction after a solve, vertex by vertex, asks how much a vertex can be stopped by its own mass. In a long step stiff cloth
-//! is one piece: what stops a vertex has to hold the cloth that pulls at it as well. So each contact is in one of four modes
+//! is one piece: what stops a vertex has to hold the cloth that pulls at it as well. So each contact is in one of five modes
 //! during a solve, and what it bears, the reaction that the solve leaves, says whether the mode was right:
 //!
 //! ```text
@@ -9,17 +9,19 @@
 //! slips    goes with the body along its normal alone       right while J_n >= 0 and it slips; feels mu J_n against its slip
 //! stops    slid, and has the body's velocity at the end    right while J_n >= 0, |J_t| <= mu J_n
 //! free                                                     right while it stays outside
+//! dragged  surfaces that leave it no room drag it along    until there is room
 //! ```
 //!
 //! Modes that were wrong are changed and the solve goes on from where it was.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::long_steps::WRONG;
 use crate::parallel::parts::Parts;
-use crate::tolerances::{NO_DIRECTION, STANDARD_GRAVITY};
+use crate::tolerances::{NO_DIRECTION, PINCH_DRAG, STANDARD_GRAVITY};
 
 /// What a vertex does on the bodies that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +34,8 @@ pub(crate) enum ContactMode {
     Stops,
     /// It leaves.
     Free,
+    /// Surfaces that have passed through one another around it drag it along.
+    Dragged,
 }
 
 /// A vertex on one body or between two.
@@ -96,6 +100,12 @@ impl ActiveContact {
         }
     }
 
+    /// A vertex that surfaces with this velocity drag along [m/s].
+    pub(crate) fn dragged(vertex: usize, velocity: Vec3) -> Self {
+        let of_body = [Vec3::zeros(), velocity];
+        Self { mode: ContactMode::Dragged, ..Self::new(vertex, of_body, 0.0, Vec3::zeros(), 0.0) }
+    }
+
     /// Adds the normal of a body.
     pub(crate) fn with_normal(mut self, normal: Vec3) -> Self {
         if let Some(place) = self.normals.iter_mut().find(|n| n.is_none()) {
@@ -135,7 +145,7 @@ impl ActiveContact {
     /// Replaces what the contact prescribes of a velocity.
     pub(crate) fn prescribe(&self, value: &mut Vec3, prescribed: &Vec3) {
         match self.mode {
-            ContactMode::Free => {}
+            ContactMode::Free | ContactMode::Dragged => {}
             ContactMode::Sticks | ContactMode::Stops => *value = *prescribed,
             ContactMode::Slips(_) => self.prescribe_along_normals(value, prescribed),
         }
@@ -144,7 +154,7 @@ impl ActiveContact {
     /// Replaces what the contact prescribes of a position at a fraction of the step that the vertex begins at `start` [m].
     pub(crate) fn prescribe_position(&self, value: &mut Vec3, start: &Vec3, fraction: f64) {
         match self.mode {
-            ContactMode::Free => {}
+            ContactMode::Free | ContactMode::Dragged => {}
             ContactMode::Sticks => *value = start + self.carried * fraction,
             ContactMode::Slips(_) | ContactMode::Stops => {
                 self.prescribe_along_normals(value, &(start + (self.carried + self.closing) * fraction));
@@ -174,7 +184,7 @@ impl ActiveContact {
     pub(crate) fn start_velocity(&self, v: Vec3, body: &Vec3) -> Vec3 {
         let mut relative = v - body;
         match self.mode {
-            ContactMode::Free | ContactMode::Stops => {}
+            ContactMode::Free | ContactMode::Stops | ContactMode::Dragged => {}
             ContactMode::Sticks => {
                 let [first, second] = &self.normals;
                 let along = |normal: &Vec3| normal * relative.dot(normal).max(0.0);
@@ -193,6 +203,9 @@ impl ActiveContact {
     /// Takes what the body gave the vertex at the start of a step of `dt` [s] for what it gives in it: the mode, and the friction of
     /// a stage of the length `duration` [s]. A body that gave nothing is still to be met, by what is apart from it.
     fn expect(&mut self, before: &StartOfContact, dt: f64, duration: f64) {
+        if self.mode == ContactMode::Dragged {
+            return;
+        }
         let (push, _) = self.split(&before.force);
         if push <= if self.is_apart { before.doubt } else { 0.0 } {
             self.mode = if self.is_apart { ContactMode::Free } else { self.mode };
@@ -226,7 +239,7 @@ impl ActiveContact {
             }
             ContactMode::Slips(against) => ((*v - body).dot(&against) > 0.0).then_some(ContactMode::Stops),
             ContactMode::Free => self.is_inside(x, start, at.fraction).then_some(ContactMode::Stops),
-            ContactMode::Sticks | ContactMode::Stops => None,
+            ContactMode::Sticks | ContactMode::Stops | ContactMode::Dragged => None,
         };
         let Some(mode) = mode else { return false };
         let change = body - *v;
@@ -240,6 +253,10 @@ impl ActiveContact {
     /// The mode and the friction [N s] that fit what a solve has left at the vertex [N s], known to within `doubt` [N s], and by how
     /// much what the body has given differs from what it can give, and its size, both squared.
     fn judge(&self, residual: &Vec3, doubt: f64) -> Judgement {
+        if self.mode == ContactMode::Dragged {
+            // A solve leaves nothing there that a body would have to give.
+            return Judgement { mode: self.mode, applied: Vec3::zeros(), difference: 0.0, size: 0.0 };
+        }
         // What slides has its friction in the residual; the body bears both.
         let reaction = self.earlier + self.applied - residual;
         let (push, rest) = self.split(&reaction);
@@ -252,7 +269,7 @@ impl ActiveContact {
         };
         let (applied, difference) = match mode {
             ContactMode::Free => (Vec3::zeros(), reaction),
-            ContactMode::Sticks | ContactMode::Stops => (Vec3::zeros(), Vec3::zeros()),
+            ContactMode::Sticks | ContactMode::Stops | ContactMode::Dragged => (Vec3::zeros(), Vec3::zeros()),
             ContactMode::Slips(against) => {
                 let applied = against * most;
                 (applied, applied - if mode == self.mode { self.applied } else { rest })
@@ -320,6 +337,15 @@ pub(crate) struct StageEnd<'a> {
     pub alpha: f64,
     /// Quantity that shows that a slip has turned round.
     pub judges: Judges,
+}
+
+/// What drags vertices along in a stage.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StageDrag<'a> {
+    /// Length of the stage [s].
+    pub duration: f64,
+    /// Masses of the local vertices [kg].
+    pub masses: &'a [f64],
 }
 
 /// What the reaction of a contact says of it.
@@ -475,17 +501,40 @@ impl ActiveSet {
         self.of_part(part).iter().for_each(|contact| residual[contact.vertex - first] += contact.applied);
     }
 
+    /// Adds the drag of surfaces to what a solve of a stage of the length `duration` [s] is to balance at the vertices of a part [N s], at
+    /// their velocities `v` [m/s]; `first` is the local number of its first vertex.
+    pub(crate) fn add_drag(&self, part: usize, first: usize, at: &StageDrag<'_>, v: &[Vec3], residual: &mut [Vec3]) {
+        for contact in self.of_part(part).iter().filter(|contact| contact.mode == ContactMode::Dragged) {
+            let vertex = contact.vertex;
+            residual[vertex - first] += (contact.velocity - v[vertex]) * (PINCH_DRAG * at.duration * at.masses[vertex]);
+        }
+    }
+
+    /// Masses of the local vertices with the drag of surfaces in the same stage: what a solve finds heavier by it [kg].
+    pub(crate) fn masses_with_drag<'a>(&self, at: &StageDrag<'a>) -> Cow<'a, [f64]> {
+        let mut masses = Cow::Borrowed(at.masses);
+        for contact in self.contacts.iter().filter(|contact| contact.mode == ContactMode::Dragged) {
+            masses.to_mut()[contact.vertex] *= 1.0 + PINCH_DRAG * at.duration;
+        }
+        masses
+    }
+
     /// Whether a vertex goes with a body.
     pub(crate) fn holds(&self, vertex: usize) -> bool {
         let found = self.contacts.binary_search_by_key(&vertex, |contact| contact.vertex);
         found.is_ok_and(|at| self.contacts[at].mode != ContactMode::Free)
     }
 
-    /// Adds contacts of vertices that do not go with a body yet, and drops those that are free: on every rank, also where nothing is
-    /// met, since parts with a contact are solved again.
+    /// Adds contacts of vertices that do not go with a body yet or that surfaces drag from now on, ascending, and drops those that are
+    /// free: on every rank, also where nothing is met, since parts with a contact are solved again.
     pub(crate) fn add(&mut self, parts: &Parts, met: Vec<ActiveContact>) {
-        let mut all: Vec<ActiveContact> = met.into_iter().filter(|contact| !self.holds(contact.vertex)).collect();
-        all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
+        let is_dragged = |contact: &ActiveContact| contact.mode == ContactMode::Dragged;
+        let is_new = |contact: &ActiveContact| is_dragged(contact) || !self.holds(contact.vertex);
+        let mut all: Vec<ActiveContact> = met.into_iter().filter(is_new).collect();
+        let is_replaced = |vertex: usize| all.binary_search_by_key(&vertex, |contact| contact.vertex).is_ok();
+        let stays = |c: &&ActiveContact| c.mode != ContactMode::Free && !is_replaced(c.vertex);
+        let kept: Vec<ActiveContact> = self.contacts.iter().filter(stays).copied().collect();
+        all.extend(kept);
         all.sort_by_key(|contact| contact.vertex);
         self.set(parts, all);
     }
@@ -522,5 +571,34 @@ mod tests {
             set.add(&parts, met);
             assert_eq!(vertices(&set), expected);
         }
+    }
+
+    #[test]
+    fn a_vertex_that_surfaces_drag_goes_with_them_but_for_what_pulls_at_it() {
+        let parts = Sheet::new(3, 1.0, 1).parts(&Ranks::default());
+        let (start, velocity, duration, masses) = (Vec3::z(), Vec3::new(0.2, 0.3, 0.0), 0.005, [0.5; 9]);
+        let mut set = ActiveSet::default();
+        let rests = ActiveContact::new(1, [Vec3::zeros(); 2], 0.3, Vec3::zeros(), 0.01).with_normal(Vec3::y());
+        set.set(&parts, vec![rests]);
+        set.add(&parts, vec![ActiveContact::dragged(1, velocity)]);
+        assert_eq!(set.contacts().len(), 1, "it takes the place of the contact before");
+        let mut direction = vec![Vec3::x(); 9];
+        set.project(0, 0, &mut direction);
+        assert_eq!(direction, vec![Vec3::x(); 9], "nothing is prescribed");
+        // Backward Euler of m dv/dt = f - rate m (v - velocity) has v = (start + dt f/m + rate dt velocity)/(1 + rate dt).
+        let (force, at) = (Vec3::new(0.0, -40.0, 0.0), StageDrag { duration, masses: &masses });
+        let mut residual = vec![force * duration; 9];
+        set.add_drag(0, 0, &at, &[start; 9], &mut residual);
+        let heavy = set.masses_with_drag(&at);
+        let found = start + residual[1] / heavy[1];
+        let rate = PINCH_DRAG * duration;
+        let expected = (start + force * (duration / 0.5) + velocity * rate) / (1.0 + rate);
+        assert!((found - expected).norm() < 1e-12, "{found:?}, not {expected:?}");
+        assert_eq!((residual[0], heavy[0]), (force * duration, 0.5), "other vertices feel none of it");
+        // A reaction that no body could give.
+        let trust = Trust { tolerance: 0.0, masses: &masses, settled: 0.01 };
+        let before = residual.clone();
+        let unsettled = set.update(&parts, &mut residual, trust, |_| Vec3::x());
+        assert!(!unsettled.contains(&true) && set.is_settled() && residual == before);
     }
 }

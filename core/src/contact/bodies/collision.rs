@@ -11,6 +11,7 @@
 mod active;
 mod look_ahead;
 mod marks;
+mod pinch;
 mod supports;
 
 use std::ops::Range;
@@ -25,7 +26,7 @@ use crate::contact::bodies::{Bodies, BodyPoint};
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
-use crate::tolerances::{FACING, PINCH_DRAG};
+use crate::tolerances::PINCH_DRAG;
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
 
@@ -53,6 +54,8 @@ struct BodyContact {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct VertexContact {
     holds: [Option<BodyContact>; MAX_BODY_CONTACTS],
+    /// Velocity of the surfaces that leave it no room [m/s], where the solves drag it along.
+    pinching: Option<Vec3>,
 }
 
 /// What is remembered of a surface body near a vertex, to save searches, and to know how deep it was before.
@@ -110,6 +113,8 @@ pub struct CollisionStep<'a> {
     pub v: &'a [Vec3],
     /// Velocities of the half step [m/s].
     pub v_half: &'a [Vec3],
+    /// True if the solves drag pinched vertices along with the surfaces that pinch them; else B.4 does.
+    pub pinched_in_solves: bool,
 }
 
 impl BodyCollision {
@@ -159,6 +164,11 @@ impl BodyCollision {
             let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
             memory.clearance = (memory.clearance - displacement).max(least);
         }
+    }
+
+    /// Whether the solves drag an own vertex, by its local number, along with surfaces that pinch it.
+    pub(crate) fn is_dragged(&self, vertex: usize) -> bool {
+        self.contacts[vertex - self.first].pinching.is_some()
     }
 
     /// Own vertices that bodies pinched in the last step.
@@ -280,7 +290,8 @@ impl Counts {
 impl Marks {
     fn note(&mut self, i: usize, contact: &VertexContact) {
         self.near |= if contact.holds[0].is_some() { bit(i) } else { 0 };
-        self.constrained |= if contact.constraints().next().is_some() { bit(i) } else { 0 };
+        let is_constrained = contact.pinching.is_some() || contact.constraints().next().is_some();
+        self.constrained |= if is_constrained { bit(i) } else { 0 };
     }
 }
 
@@ -390,10 +401,15 @@ impl Search<'_> {
         if let Some(surroundings) = self.resolve_pinch(vertex, x, x1, contact, touched) {
             self.counts.pinched += 1;
             *contact = VertexContact::default();
-            // Let go, but dragged along: springs move it freely, its weight does not carry it away.
-            let kept = (-PINCH_DRAG * dt).exp();
-            *v_star = surroundings + (step.v[vertex] - surroundings) * kept;
-            *x1 = x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt;
+            if step.pinched_in_solves {
+                contact.pinching = Some(surroundings);
+                (*v_star, *x1) = (step.v[vertex], before);
+            } else {
+                // Let go, but dragged along: springs move it freely, its weight does not carry it away.
+                let kept = (-PINCH_DRAG * dt).exp();
+                *v_star = surroundings + (step.v[vertex] - surroundings) * kept;
+                *x1 = x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt;
+            }
         }
         self.remember(x, x1);
     }
@@ -502,66 +518,6 @@ impl Search<'_> {
             (None, None) => return None,
         };
         (found.phi < properties.offset).then_some(found)
-    }
-
-    /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
-    /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
-    fn resolve_pinch(
-        &mut self,
-        vertex: usize,
-        x: &Vec3,
-        x1: &mut Vec3,
-        contact: &mut VertexContact,
-        touched: Option<LastContact>,
-    ) -> Option<Vec3> {
-        let bodies = self.step.bodies;
-        // Outside one part of a body the vertex may lie inside another part of it.
-        if let Some(touch) = touched
-            && bodies.may_cross_itself(touch.body, x1, self.search)
-            && bodies.contains(touch.body, &touch.outside)
-        {
-            return Some(touch.at.velocity);
-        }
-        let mut squeezed = None;
-        for body in 0..bodies.list().len() {
-            let properties = &bodies.list()[body];
-            let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
-            let Some(mut at) = self.nearest(body, x, x1) else { continue };
-            let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
-            let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
-            if let Some(LastContact { body: first, at: first_at, outside }) = facing {
-                let first = &bodies.list()[first];
-                // Less than contact asks for where what was too deep before comes out at a limited speed.
-                let away = first.offset - first.thickness + (*x1 - outside).dot(&first_at.normal);
-                let gap = away + at.phi;
-                // In the apex of a crease there is no room for half a gap, but the surface itself is still outside.
-                let room = if gap > 0.0 { 0.5 * gap } else { first.offset - first.thickness };
-                let between = *x1 - first_at.normal * (away - room);
-                if gap <= 0.0 && bodies.contains(body, &between) {
-                    return Some((first_at.velocity + at.velocity) * 0.5);
-                }
-                self.counts.squeezed += 1;
-                // Other layers may stand in its way, and would be struck with distance/dt.
-                let carried = x + (first_at.displacement + at.displacement) * 0.5;
-                let distance = (between - carried).dot(&first_at.normal);
-                let made_up = self.step.recovery_speed.of(distance.abs()).copysign(distance);
-                *x1 = between - first_at.normal * (distance - made_up);
-                (offset, squeezed) = (room, Some(room));
-                let Some(found) = self.nearest(body, x, x1) else { continue };
-                at = found;
-            } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
-                // The surface is curved: what the tangent plane left too deep is moved straight out.
-                let CollisionStep { dt, recovery_speed, .. } = *self.step;
-                let deep = properties.depenetration(properties.offset - at.phi, dt, recovery_speed);
-                *x1 += at.normal * deep;
-                at.phi += deep;
-            }
-            if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
-                let friction = properties.friction_on(self.painted.get(vertex));
-                contact.add(BodyContact { body, at, offset, constraint, friction });
-            }
-        }
-        None
     }
 
     /// Notes how far the vertex is from the surfaces now.

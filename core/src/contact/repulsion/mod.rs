@@ -345,13 +345,13 @@ fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<Oriente
 
 impl OrientedPair {
     /// Weights, normal and signed distance [m] of the pair at `x`, if its two are in front of each other and no farther apart
-    /// than `reach` [m].
+    /// than `reaches` [m]: before, and after they have passed through each other.
     #[inline]
-    fn touch(&self, laws: &Laws, x: &[Vec3], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+    fn touch(&self, laws: &Laws, x: &[Vec3], reaches: [f64; 2]) -> Option<([f64; 4], Vec3, f64)> {
         let at = self.pair.positions(x);
         match self.pair.kind {
-            PairKind::PointTriangle => self.point_triangle(&at, reach),
-            PairKind::EdgeEdge => self.edges(laws, &at, reach),
+            PairKind::PointTriangle => self.point_triangle(&at, reaches),
+            PairKind::EdgeEdge => self.edges(laws, &at, reaches),
         }
     }
 
@@ -359,7 +359,7 @@ impl OrientedPair {
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
     fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
-        let (weights, normal, distance) = self.touch(laws, step.x, ACTIVE * self.thickness)?;
+        let (weights, normal, distance) = self.touch(laws, step.x, [ACTIVE * self.thickness; 2])?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.
@@ -384,11 +384,13 @@ impl OrientedPair {
     }
 
     #[inline]
-    fn point_triangle(&self, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+    fn point_triangle(&self, x: &[Vec3; 4], reaches: [f64; 2]) -> Option<([f64; 4], Vec3, f64)> {
         let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
         let across = ab.cross(&ac);
         let area = across.norm_squared();
         let height = ap.dot(&across);
+        let side = self.side.x;
+        let reach = reaches[usize::from(height * side < 0.0)];
         if height * height > reach * reach * area || area <= NO_DIRECTION {
             return None;
         }
@@ -398,23 +400,22 @@ impl OrientedPair {
         }
         let (wb, wc) = (b / area, c / area);
         let length = area.sqrt();
-        let side = self.side.x;
         Some(([1.0, wb + wc - 1.0, -wb, -wc], across * (side / length), height * side / length))
     }
 
     #[inline]
-    fn edges(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+    fn edges(&self, laws: &Laws, x: &[Vec3; 4], [before, after]: [f64; 2]) -> Option<([f64; 4], Vec3, f64)> {
         let found = Closest::inside_edges(x)?;
         let squared = found.apart.norm_squared();
-        if squared > reach * reach {
+        if squared > before.max(after).powi(2) {
             return None;
         }
         let distance = squared.sqrt();
         let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
         if normal.dot(&self.side) < laws.edge_attraction {
-            return Some((found.weights, -normal, -distance));
+            return (squared <= after * after).then_some((found.weights, -normal, -distance));
         }
-        Some((found.weights, normal, distance))
+        (squared <= before * before).then_some((found.weights, normal, distance))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
-use crate::long_steps::{ONSET, PRESSURE, STIFFENING};
+use crate::long_steps::{LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PRESSURE, STIFFENING};
 use crate::parallel::simd4::Simd4;
 
 /// Area of a vertex, over the square of its mean edge, in a mesh of equilateral triangles.
@@ -123,15 +123,39 @@ pub(super) fn pair_forces(
     all
 }
 
+/// The spring of a pair, and with it the law of its push (`docs/theory/tr_bdf2.md#repulsion-in-the-solves`).
+struct PairSpring {
+    /// Stiffness where the overlap is small, but larger than the onset [N/m].
+    linear: f64,
+    /// Distance that the pair keeps [m].
+    thickness: f64,
+}
+
+impl PairSpring {
+    /// Push F [N] at `y` [m], which is the overlap of a pair at rest, and its derivative F' [N/m]: F is convex and increases,
+    /// so that Newton's method finds the push of a pair without turning round.
+    fn at(&self, y: f64) -> (f64, f64) {
+        let Self { linear, thickness } = *self;
+        // p = P o/H (1 + (s - 1) (o/H)²), less what the onset takes, and the tangent at o = H beyond it.
+        let inside = y.min(thickness);
+        let begun = (inside / (ONSET * thickness)).min(1.0);
+        let yielded = (inside / thickness).powi(2) * (STIFFENING - 1.0);
+        let stiffness = linear * (begun + 3.0 * yielded);
+        let push = linear * ((begun + yielded) * inside - 0.5 * begun * begun * ONSET * thickness);
+        (push + stiffness * (y - inside), stiffness)
+    }
+}
+
 impl OrientedPair {
-    /// What the pair does, if it is in touch and nothing pulls it.
+    /// What the pair does, if it is in touch, or about to be, and nothing pulls it.
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
-        if self.is_beyond(at.displacements, self.thickness) {
+        // What has passed through has moved farther than what is still in front.
+        let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness);
+        if self.is_beyond(at.displacements, reaches[0]) {
             return None;
         }
-        let (weights, normal, distance) = self.touch(laws, at.x, self.thickness)?;
+        let (weights, normal, distance) = self.touch(laws, at.x, reaches)?;
         let (nodes, surface) = (self.pair.nodes, at.surface);
-        let overlap = self.thickness - distance;
         let (mut response, mut velocity, mut edges, mut count) = (0.0, Vec3::zeros(), 0.0, 0.0);
         for (node, weight) in nodes.into_iter().zip(weights) {
             velocity += at.v[node as usize] * weight;
@@ -141,23 +165,18 @@ impl OrientedPair {
                 count += 1.0;
             }
         }
-        if overlap <= 0.0 || response <= 0.0 {
+        if response <= 0.0 {
             return None;
         }
         let edge: f64 = edges / count;
-        // p = P o/H (1 + (s - 1) (o/H)²), less what the onset takes
         let linear = PRESSURE * AREA * edge * edge / self.thickness;
-        let yielded = (overlap / self.thickness).min(1.0).powi(2) * (STIFFENING - 1.0);
-        let begun = (overlap / (ONSET * self.thickness)).min(1.0);
-        let stiffness = linear * (begun + 3.0 * yielded);
-        let spring = linear * ((begun + yielded) * overlap - 0.5 * begun * begun * ONSET * self.thickness);
-        // Critical for the two sides alone.
-        let normal_damping = 2.0 * (stiffness / response).sqrt();
+        let damping_time = PAIR_DAMPING / (linear * response).sqrt();
         let approach = velocity.dot(&normal);
-        let push = spring - normal_damping * approach;
-        if push <= 0.0 {
+        let y = self.thickness - distance - damping_time * approach;
+        if y <= 0.0 {
             return None;
         }
+        let (push, stiffness) = PairSpring { linear, thickness: self.thickness }.at(y);
         let slip = velocity - normal * approach;
         let of_cloth =
             || surface.friction().map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
@@ -180,7 +199,7 @@ impl OrientedPair {
             push,
             history,
             stiffness,
-            damping: [normal_damping, tangential_damping],
+            damping: [damping_time * stiffness, tangential_damping],
             last_change: 0.0,
         })
     }

@@ -10,6 +10,7 @@ pub(super) mod substeps;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
+use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
@@ -98,7 +99,7 @@ pub(crate) struct SelfContact {
     without_repulsion: Vec<u32>,
     /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
     frozen: Vec<u32>,
-    /// The farthest that an own vertex was moved in the last collision step, over the edges around it, and its number in the scene.
+    /// See [`SelfContact::largest_correction`].
     largest_correction: (f64, u32),
 }
 
@@ -205,7 +206,8 @@ impl SelfContact {
         &self.frozen
     }
 
-    /// The farthest that the last collision step has moved an own vertex, over the edges around it, and its number in the scene.
+    /// The farthest that the last collision step has moved an own vertex which bodies do not pinch, over the edges around it, and its
+    /// number in the scene.
     pub(crate) fn largest_correction(&self) -> (f64, u32) {
         self.largest_correction
     }
@@ -290,7 +292,7 @@ impl SelfContact {
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
     /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step, with `checks_all` the
-    /// exact check looks at all cloth. The vertices that were moved go to `moved`, each with how far [m].
+    /// exact check looks at all cloth. Body collision, if the scene has it, hears of the vertices that were moved.
     pub(crate) fn end_collision_step(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
@@ -298,7 +300,7 @@ impl SelfContact {
         duration: f64,
         [may_rewind, checks_all]: [bool; 2],
         metrics: &mut Metrics,
-        mut moved: impl FnMut(usize, f64),
+        mut body_collision: Option<&mut BodyCollision>,
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
             metrics.count("inverted_pairs", repulsions.inverted());
@@ -330,14 +332,20 @@ impl SelfContact {
             let node = number as usize;
             let vertex = node - first + place.start;
             let change = self.paths.end[node] - x[vertex];
-            let share = change.norm() / self.surface.edge_length()[node];
-            if share > self.largest_correction.0 {
-                self.largest_correction = (share, self.surface.nodes().number(number));
+            let (share, in_scene) =
+                (change.norm() / self.surface.edge_length()[node], self.surface.nodes().number(number));
+            // Shorter steps leave a vertex that bodies pinch no more room.
+            let is_pinched = geometric.pinched.binary_search(&in_scene).is_ok()
+                || body_collision.as_ref().is_some_and(|bodies| bodies.is_dragged(vertex));
+            if share > self.largest_correction.0 && !is_pinched {
+                self.largest_correction = (share, in_scene);
             }
             x[vertex] = self.paths.end[node];
             // Held velocities stay as prescribed: where a pin was ahead of its vertex, the way back may be of any length.
             v[vertex] += (change / duration).component_mul(&self.surface.free_axes(node));
-            moved(vertex, change.norm());
+            if let Some(bodies) = &mut body_collision {
+                bodies.moved(vertex, change.norm());
+            }
         }
         let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
         if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings || checks_all) {

@@ -25,6 +25,7 @@ use crate::clock::Watch;
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::collision::CollisionStep;
 use crate::long_steps::EXTRAPOLATED;
+use crate::solve::conjugate_gradient::Outcome;
 use crate::state::State;
 use crate::step::{Prescribed, Scratch};
 use stages::{StageContext, Stages};
@@ -56,11 +57,14 @@ impl<'a> Step<'a> {
     pub(super) fn implicit_half_velocity(&mut self) {
         let watch = Watch::start();
         let resting = self.find_resting();
-        let (parts, dt) = (self.parts, self.settings.dt);
+        let (parts, dt, retries) = (self.parts, self.settings.dt, self.settings.retries);
         let mut stages = self.stages();
         stages.active.set(parts, resting);
         stages.begin();
-        let outcomes = [stages.first_stage(), stages.second_stage()];
+        let first = stages.first_stage();
+        let is_taken_back = retries && (first.worse || stages.arrays.unsettled_vertices.is_some());
+        let second = if is_taken_back { Outcome::NONE } else { stages.second_stage() };
+        let outcomes = [first, second];
         let Self { cloth, metrics, report, .. } = self;
         let (x, scratch) = (&cloth.state.x, &mut cloth.scratch);
         let ends = scratch.stages.iter().flat_map(|arrays| &arrays.x);
@@ -141,7 +145,8 @@ impl<'a> Step<'a> {
         let own = parts.own();
         let (bodies, dt, recovery_speed) = (&prescribed.bodies, settings.dt, settings.recovery_speed);
         let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own]);
-        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half })
+        let pinched_in_solves = settings.integrator.spec().pinched_in_solves;
+        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half, pinched_in_solves })
     }
 
     fn stages(&mut self) -> Stages<'_> {

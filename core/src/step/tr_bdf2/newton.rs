@@ -78,9 +78,9 @@ impl Stages<'_> {
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
         for round in 1.. {
-            let prescription = at.with(self.active);
+            let (prescription, masses) = (at.with(self.active), self.active.masses_with_drag(&self.drag(stage)));
             let StageArrays { matrix, cg, residual, change, x, v, unconverged, pairs, .. } = &mut *self.arrays;
-            let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
+            let (parts, masses, matrix) = (self.at.parts, &*masses, &*matrix);
             let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };
             // Coarse levels of the stage's first round serve the others: these solve for a share of the parts, and take up to half as
             // many iterations more than with levels of their own, which would cost more than they do.

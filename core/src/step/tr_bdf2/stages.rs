@@ -5,7 +5,7 @@ use super::prescription::Prescription;
 use super::{ALPHA, GAMMA, U, W};
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
-use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, StartOfContact};
+use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, StageDrag, StartOfContact};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
@@ -83,7 +83,7 @@ impl Stage {
     }
 }
 
-impl Stages<'_> {
+impl<'a> Stages<'a> {
     /// The forces on the parts that are worked on, at the stage, and, `with_matrix`, the matrix there.
     pub(super) fn evaluate(&mut self, fraction: f64, with_matrix: bool) {
         let (dt, alpha) = (self.at.dt, ALPHA * self.at.dt);
@@ -223,9 +223,14 @@ impl Stages<'_> {
         outcome
     }
 
+    /// The drag of pinching surfaces in a stage, which feels that of its end for all of its length, as it does with pairs.
+    pub(super) fn drag(&self, stage: Stage) -> StageDrag<'a> {
+        StageDrag { duration: stage.share_of_pairs() * ALPHA * self.at.dt, masses: self.at.masses }
+    }
+
     /// Sets the residual of a stage where it stands, without the forces of pairs in touch.
     pub(super) fn set_residual(&mut self, stage: Stage) {
-        let (alpha, parts) = (ALPHA * self.at.dt, self.at.parts);
+        let (alpha, parts, drag) = (ALPHA * self.at.dt, self.at.parts, self.drag(stage));
         let StageArrays { v_start, v_first, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
         for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| unconverged[*part]) {
             let own = range.start - parts.own().start..range.end - parts.own().start;
@@ -240,6 +245,7 @@ impl Stages<'_> {
                 };
             }
             self.active.add_friction(part, range.start, residual);
+            self.active.add_drag(part, range.start, &drag, v, residual);
         }
     }
 }

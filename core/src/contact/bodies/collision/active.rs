@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::marks::{CHUNK, constrained};
-use super::{BodyCollision, CACHED, CollisionStep, Counts, QueryCache, SEARCH_EDGES, Search};
+use super::{BodyCollision, CACHED, CollisionStep, Counts, LastContact, QueryCache, SEARCH_EDGES, Search};
 use crate::Vec3;
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
@@ -44,10 +44,13 @@ impl BodyCollision {
         found.concat()
     }
 
-    /// The vertices that B.4 has put outside of bodies, ascending, as contacts of the second solve; `v` are the velocities that
+    /// The vertices that B.4 has put outside of bodies or finds pinched, ascending, as contacts of the second solve; `v` are the velocities that
     /// B.4 has left own vertices, in a step of `dt` [s].
     pub(crate) fn met(&self, v: &[Vec3], dt: f64) -> Vec<ActiveContact> {
         let of_vertex = |vertex: usize| {
+            if let Some(velocity) = self.contacts[vertex].pinching {
+                return Some(ActiveContact::dragged(self.first + vertex, velocity));
+            }
             let mut holds = self.contacts[vertex].holds.iter().flatten().filter(|hold| hold.constraint.is_some());
             let first = holds.next()?;
             let motion = [first.at.displacement, first.at.velocity];
@@ -61,12 +64,12 @@ impl BodyCollision {
 }
 
 impl Search<'_> {
-    /// The bodies that a vertex rests on, if it goes to `end`.
+    /// The bodies that a vertex rests on, if it goes to `end`, or the surfaces that drag it along.
     fn resting(&mut self, first: usize, vertex: usize, end: &Vec3) -> Option<ActiveContact> {
         let step = *self.step;
         let (x, v, dt) = (&step.x[vertex], &step.v[vertex], step.dt);
         let mut found: Option<ActiveContact> = None;
-        let mut count = 0;
+        let (mut count, mut touched) = (0, None);
         for body in 0..step.bodies.list().len() {
             let properties = &step.bodies.list()[body];
             let (offset, gap) = (properties.offset, properties.offset - properties.thickness);
@@ -77,6 +80,13 @@ impl Search<'_> {
                 continue;
             }
             let Some(at) = self.nearest(body, x, end) else { continue };
+            if at.phi < properties.thickness {
+                let touch = LastContact { body, at, outside: end + at.normal * (gap - at.phi) };
+                if let Some(velocity) = self.pinching(&touch, touched.as_ref(), end) {
+                    return Some(ActiveContact::dragged(first + vertex, velocity));
+                }
+                touched = Some(touch);
+            }
             let relative = v - at.displacement / dt;
             let leaves = relative.dot(&at.normal);
             if at.phi > resting + (LEAVING * offset).max(slid_off) || leaves * dt > (LEAVING * offset).max(slid_off) {

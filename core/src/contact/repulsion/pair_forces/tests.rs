@@ -95,8 +95,8 @@ fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
     let edge = edges.iter().sum::<f64>() / 4.0;
     // Area of a vertex in a mesh of equilateral triangles.
     let area = 3.0_f64.sqrt() / 2.0 * edge * edge;
-    // 1 kPa o/H (1 + 3 (o/H)²), less 50 Pa of the onset over a tenth of the thickness, which is quadratic.
-    for (overlap, pressure) in [(0.05, 12.875), (0.5, 825.0), (0.9, 3037.0)] {
+    // 1 kPa o/H (1 + 3 (o/H)²), less 50 Pa of the onset over a tenth of the thickness, which is quadratic; 10 kPa o/H more beyond H.
+    for (overlap, pressure) in [(0.05, 12.875), (0.5, 825.0), (0.9, 3037.0), (1.5, 8950.0), (11.0, 103_950.0)] {
         let distance = touching.force().expect("it is in touch").distance;
         touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - distance));
         let found = touching.force().expect("it is in touch").force.norm() / area;
@@ -152,6 +152,56 @@ fn a_pair_pushes_and_never_pulls() {
         let found = touching.force().expect("it has passed through");
         assert!(found.distance < 0.0 && found.force.y > 0.0);
     }
+}
+
+#[test]
+fn a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = CloseTriangles::new(kind);
+        let place = |touching: &mut CloseTriangles, distance: f64| {
+            let before =
+                touching.pair.touch(&LAWS, &touching.x, [f64::INFINITY; 2]).expect("they are in front of each other").2;
+            touching.shift(Vec3::y() * (distance - before));
+        };
+        // At rest, with an overlap within the onset.
+        place(&mut touching, 0.95 * THICKNESS);
+        let at_rest = touching.force().expect("it is in touch");
+        let damping_time = at_rest.damping[0] / at_rest.stiffness;
+        place(&mut touching, 1.5 * THICKNESS);
+        assert_eq!(touching.force(), None);
+        touching.throw(Vec3::y() * (-0.55 * THICKNESS / damping_time));
+        let approaching = touching.force().expect("it approaches");
+        assert!((approaching.push - at_rest.push).abs() < 1e-9 * at_rest.push, "{kind:?}: {} N", approaching.push);
+        place(&mut touching, 2.1 * THICKNESS);
+        touching.throw(Vec3::y() * -1e3);
+        assert_eq!(touching.force(), None, "{kind:?}: too far to be looked for");
+        touching.throw(Vec3::zeros());
+        place(&mut touching, -19.0 * THICKNESS);
+        assert!(touching.force().is_some_and(|found| found.force.y > 0.0), "{kind:?}: it has passed through");
+        place(&mut touching, -21.0 * THICKNESS);
+        assert_eq!(touching.force(), None, "{kind:?}: it is another layer's by now");
+    }
+}
+
+#[test]
+fn a_pair_that_lands_on_its_onset_hardly_bounces() {
+    let touching = CloseTriangles::new(PairKind::PointTriangle);
+    let found = touching.force().expect("it is in touch");
+    // Stiffness k of the linear spring and reduced mass, from the stiffness where onset is over: k (1 + 9 (o/H)²).
+    let overlap = 1.0 - found.distance / THICKNESS;
+    let linear = found.stiffness / (1.0 + 9.0 * overlap * overlap);
+    let damping_time = found.damping[0] / found.stiffness;
+    let response = (PAIR_DAMPING / damping_time).powi(2) / linear;
+    let spring = PairSpring { linear, thickness: THICKNESS };
+    // At the speed at which the linear spring alone would stop it within the onset; small steps, exact but for their error.
+    let speed = ONSET * THICKNESS * (linear * response).sqrt();
+    let dt = 1e-4 * ONSET * THICKNESS / speed;
+    let (mut overlap, mut v) = (0.0, -speed);
+    while overlap >= 0.0 {
+        v += dt * response * spring.at((overlap - damping_time * v).max(0.0)).0;
+        overlap -= dt * v;
+    }
+    assert!(v > 0.0 && v < 0.1 * speed, "it leaves with {} of its speed", v / speed);
 }
 
 #[test]
