@@ -47,7 +47,7 @@ pub(crate) const ONSET: f64 = 0.1;
 
 /// Damping time of a pair, times the frequency of its linear spring and the reduced mass of its nodes: 2 is critical. Lighter touches have a
 /// softer spring and less damping. Guarded by `a_pair_that_lands_on_its_onset_hardly_bounces`.
-pub(crate) const PAIR_DAMPING: f64 = 3.0;
+pub(crate) const PAIR_DAMPING: f64 = 2.5;
 
 /// Distance over the thickness up to which pairs that approach each other are looked for: a damper acts before they touch. Guarded by
 /// `a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back`.

@@ -38,8 +38,6 @@ const CHUNK: usize = 4096;
 pub(crate) enum PairOrder {
     /// Nobody asks.
     Any,
-    /// By their nodes: what is summed in this order is the same on any number of ranks.
-    Sorted,
     /// By colours, no two pairs of which share a node, and by their nodes.
     Coloured,
 }
@@ -166,10 +164,8 @@ impl ProximityList {
         }
         self.lists.iter_mut().for_each(Vec::clear);
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
-        if self.order != PairOrder::Any {
-            self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
-        }
         if self.order == PairOrder::Coloured {
+            self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
             // One after the other, since ranks colour together.
             for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
                 *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);

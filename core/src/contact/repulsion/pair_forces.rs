@@ -120,6 +120,7 @@ pub(super) fn pair_forces(
         let pieces: Vec<Vec<PairForce>> = chunks.map(|pairs| pairs.iter().filter_map(of_pair).collect()).collect();
         pieces.into_iter().for_each(|piece| all.extend(piece));
     }
+    all.sort_unstable_by_key(|force| force.pair);
     all
 }
 
@@ -155,6 +156,11 @@ impl OrientedPair {
             return None;
         }
         let (weights, normal, distance) = self.touch(laws, at.x, reaches)?;
+        // A normal that turns round without that says nothing of sides.
+        let has_passed = || !self.is_beyond(at.displacements, 0.0);
+        if distance < 0.0 && !has_passed() {
+            return None;
+        }
         let (nodes, surface) = (self.pair.nodes, at.surface);
         let (mut response, mut velocity, mut edges, mut count) = (0.0, Vec3::zeros(), 0.0, 0.0);
         for (node, weight) in nodes.into_iter().zip(weights) {

@@ -122,11 +122,7 @@ impl SelfContact {
         let acts_in_solves = scene.description().solver.integrator.spec().repulsion == RepulsionPlace::Solves;
         let in_solves = repulsion.is_some() && acts_in_solves;
         let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
-        let order = match repulsion {
-            None => PairOrder::Any,
-            Some(_) if in_solves => PairOrder::Sorted,
-            Some(_) => PairOrder::Coloured,
-        };
+        let order = if repulsion.is_some() && !in_solves { PairOrder::Coloured } else { PairOrder::Any };
         let proximity = ProximityList::new(&surface, order);
         let geometric = collision.map(|settings| Geometric {
             control: Substeps::new(settings.max_steps),
