@@ -11,7 +11,7 @@ use crate::tolerances::FACING;
 
 /// The room between two surfaces that face each other.
 struct Gap {
-    /// Distance that it is to keep from that [m].
+    /// Distance that the vertex is to keep from the first surface [m].
     room: f64,
     /// Distance between the surfaces [m]; negative where they have passed through one another.
     width: f64,
