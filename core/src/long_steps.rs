@@ -74,7 +74,7 @@ pub(crate) const SLID_OFF: f64 = 0.005;
 /// Farthest that collisions may move a vertex in a step, over the edges around it: the velocities of a step that ended farther off do
 /// not go with its positions, and throw the cloth that lies on the vertex. Guarded by
 /// `steps_far_too_long_are_tried_again_with_shorter_ones_and_counted`.
-pub(crate) const LARGEST_CORRECTION: f64 = 0.05;
+pub(crate) const LARGEST_CORRECTION: f64 = 0.1;
 
 // Solves.
 

@@ -97,7 +97,7 @@ const CONTACT_ROUNDS: f64 = 3.0;
 /// nothing to a fixed tolerance it is 0.6 ([`crate::solve::multilevel`]); later rounds have less to do.
 const STIFFNESS_POWER: f64 = 0.45;
 const FREE_ITERATIONS: f64 = 1.5;
-const CONTACT_ITERATIONS: f64 = 5.5;
+const CONTACT_ITERATIONS: f64 = 4.0;
 
 /// What an estimate looks at.
 struct Sizes {
