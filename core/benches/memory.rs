@@ -422,7 +422,8 @@ fn contact(bench: &mut Bench, n: usize, animated: bool) {
     let mut x1: Vec<Vec3> = x.iter().zip(&v).map(|(x, v)| x + v * dt).collect();
     let (mut v_star, mut metrics) = (v.clone(), Metrics::default());
     let recovery_speed = RecoverySpeed::new(dt, 1.0, 1.0 / 24.0);
-    let step = CollisionStep { bodies: &bodies, dt, recovery_speed, x: &x, v: &v, v_half: &v };
+    let step =
+        CollisionStep { bodies: &bodies, dt, recovery_speed, x: &x, v: &v, v_half: &v, pinched_in_solves: false };
     let kernel = if animated { "contact, moving surface" } else { "contact, sphere" };
     let bytes = 96.0 * x.len() as f64;
     bench.kernel(
