@@ -19,6 +19,18 @@ pub(super) struct OrientedPair {
 }
 
 impl OrientedPair {
+    /// The largest difference between values of two nodes, one of each side.
+    #[inline]
+    pub(super) fn largest_difference(&self, of_nodes: &[Vec3]) -> f64 {
+        let [a, b, c, d] = self.pair.nodes.map(|node| of_nodes[node as usize]);
+        let between = |one: &Vec3, other: &Vec3| (one - other).norm_squared();
+        let largest = match self.pair.kind {
+            PairKind::PointTriangle => between(&a, &b).max(between(&a, &c)).max(between(&a, &d)),
+            PairKind::EdgeEdge => between(&a, &c).max(between(&a, &d)).max(between(&b, &c).max(between(&b, &d))),
+        };
+        largest.sqrt()
+    }
+
     /// Whether displacements since the collision-free state [m] prove that the pair is farther apart than `reach` [m]. The distance of
     /// two points, one of each side, changes by at most the largest difference of displacements between the sides.
     #[inline]

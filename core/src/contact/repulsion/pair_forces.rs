@@ -10,7 +10,7 @@ use crate::Vec3;
 use crate::contact::repulsion::active_pair::{OrientedPair, PairsOfKind};
 use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
-use crate::contact::topology::pair::Pair;
+use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::long_steps::{LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PRESSURE, STIFFENING};
 use crate::parallel::simd4::Simd4;
@@ -148,11 +148,41 @@ impl PairSpring {
 }
 
 impl OrientedPair {
+    /// Stiffness of the pair's spring where the overlap is small, but larger than the onset [N/m].
+    #[inline]
+    fn linear_stiffness(&self, at: &PairStage<'_>) -> f64 {
+        let (mut edges, mut count) = (0.0, 0.0);
+        for node in self.pair.nodes.into_iter().filter(|node| (*node as usize) < at.mobility.len()) {
+            edges += at.surface.edge_length()[node as usize];
+            count += 1.0;
+        }
+        let edge: f64 = edges / count;
+        PRESSURE * AREA * edge * edge / self.thickness
+    }
+
+    /// Whether the pair may push wherever its two are closest: nine in ten are too far apart for how fast their nodes approach.
+    #[inline]
+    fn may_push(&self, at: &PairStage<'_>, linear: f64) -> bool {
+        let [a, b, c, d] = self.pair.nodes.map(|node| at.mobility.get(node as usize).copied().unwrap_or(0.0));
+        // Weights of a side sum to one: their squares to no less than one over their number.
+        let response = match self.pair.kind {
+            PairKind::PointTriangle => a + b.min(c).min(d) / 3.0,
+            PairKind::EdgeEdge => 0.5 * (a.min(b) + c.min(d)),
+        };
+        // Infinite where nodes are held.
+        let damping_time = PAIR_DAMPING / (linear * response).sqrt();
+        !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference(at.v))
+    }
+
     /// What the pair does, if it is in touch, or about to be, and nothing pulls it.
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
         // What has passed through has moved farther than what is still in front.
         let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness);
         if self.is_beyond(at.displacements, reaches[0]) {
+            return None;
+        }
+        let linear = self.linear_stiffness(at);
+        if !self.may_push(at, linear) {
             return None;
         }
         let (weights, normal, distance) = self.touch(laws, at.x, reaches)?;
@@ -162,20 +192,16 @@ impl OrientedPair {
             return None;
         }
         let (nodes, surface) = (self.pair.nodes, at.surface);
-        let (mut response, mut velocity, mut edges, mut count) = (0.0, Vec3::zeros(), 0.0, 0.0);
+        let (mut response, mut velocity) = (0.0, Vec3::zeros());
         for (node, weight) in nodes.into_iter().zip(weights) {
             velocity += at.v[node as usize] * weight;
             if let Some(mobility) = at.mobility.get(node as usize) {
                 response += weight * weight * mobility;
-                edges += surface.edge_length()[node as usize];
-                count += 1.0;
             }
         }
         if response <= 0.0 {
             return None;
         }
-        let edge: f64 = edges / count;
-        let linear = PRESSURE * AREA * edge * edge / self.thickness;
         let damping_time = PAIR_DAMPING / (linear * response).sqrt();
         let approach = velocity.dot(&normal);
         let y = self.thickness - distance - damping_time * approach;
