@@ -339,7 +339,7 @@ pub(crate) struct StageEnd<'a> {
     pub judges: Judges,
 }
 
-/// What drags vertices along in a stage.
+/// Duration and masses from which the drag of surfaces in a stage follows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StageDrag<'a> {
     /// Length of the stage [s].

@@ -19,16 +19,15 @@ pub(super) struct OrientedPair {
 }
 
 impl OrientedPair {
-    /// The largest difference between values of two nodes, one of each side.
+    /// Square of the largest difference between values of two nodes, one of each side.
     #[inline]
-    pub(super) fn largest_difference(&self, of_nodes: &[Vec3]) -> f64 {
+    pub(super) fn largest_difference_squared(&self, of_nodes: &[Vec3]) -> f64 {
         let [a, b, c, d] = self.pair.nodes.map(|node| of_nodes[node as usize]);
         let between = |one: &Vec3, other: &Vec3| (one - other).norm_squared();
-        let largest = match self.pair.kind {
+        match self.pair.kind {
             PairKind::PointTriangle => between(&a, &b).max(between(&a, &c)).max(between(&a, &d)),
             PairKind::EdgeEdge => between(&a, &c).max(between(&a, &d)).max(between(&b, &c).max(between(&b, &d))),
-        };
-        largest.sqrt()
+        }
     }
 
     /// Whether displacements since the collision-free state [m] prove that the pair is farther apart than `reach` [m]. The distance of
@@ -36,13 +35,7 @@ impl OrientedPair {
     #[inline]
     pub(super) fn is_beyond(&self, displacements: &[Vec3], reach: f64) -> bool {
         let room = (1.0 - DISTANCE_ROUNDING) * self.start_distance - reach;
-        let [a, b, c, d] = self.pair.nodes.map(|node| displacements[node as usize]);
-        let is_less = |one: &Vec3, other: &Vec3| (one - other).norm_squared() < room * room;
-        let crosswise = || match self.pair.kind {
-            PairKind::PointTriangle => is_less(&a, &b) && is_less(&a, &c) && is_less(&a, &d),
-            PairKind::EdgeEdge => is_less(&a, &c) && is_less(&a, &d) && is_less(&b, &c) && is_less(&b, &d),
-        };
-        room > 0.0 && crosswise()
+        room > 0.0 && self.largest_difference_squared(displacements) < room * room
     }
 }
 

@@ -171,12 +171,12 @@ impl OrientedPair {
         };
         // Infinite where nodes are held.
         let damping_time = PAIR_DAMPING / (linear * response).sqrt();
-        !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference(at.v))
+        !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference_squared(at.v).sqrt())
     }
 
-    /// What the pair does, if it is in touch, or about to be, and nothing pulls it.
+    /// Force of the pair, if it is in touch, or about to be, and nothing pulls it.
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
-        // What has passed through has moved farther than what is still in front.
+        // A pair that has passed through has moved farther than one that is still in front.
         let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness);
         if self.is_beyond(at.displacements, reaches[0]) {
             return None;

@@ -77,8 +77,10 @@ impl Stages<'_> {
         let bears = at.parts.ranks().any(is_touched);
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
+        // No round changes which vertices are dragged.
+        let masses = self.active.masses_with_drag(&self.drag(stage));
         for round in 1.. {
-            let (prescription, masses) = (at.with(self.active), self.active.masses_with_drag(&self.drag(stage)));
+            let prescription = at.with(self.active);
             let StageArrays { matrix, cg, residual, change, x, v, unconverged, pairs, .. } = &mut *self.arrays;
             let (parts, masses, matrix) = (self.at.parts, &*masses, &*matrix);
             let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };

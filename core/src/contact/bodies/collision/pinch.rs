@@ -19,6 +19,13 @@ struct Gap {
     between: Vec3,
 }
 
+impl LastContact {
+    /// Whether the surface at another place faces this one.
+    fn faces(&self, other: &BodyPoint) -> bool {
+        other.normal.dot(&self.at.normal) < FACING
+    }
+}
+
 impl Search<'_> {
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
     /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
@@ -42,12 +49,13 @@ impl Search<'_> {
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
             let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
-            let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
+            let facing = touched.filter(|touch| at.phi < properties.thickness && touch.faces(&at));
             if let Some(touch) = facing {
-                let (first_at, Gap { room, between, .. }) = (touch.at, self.gap(&touch, &at, x1));
-                if let Some(velocity) = self.between_bodies(&touch, (body, &at), x1) {
+                let (first_at, gap) = (touch.at, self.gap(&touch, &at, x1));
+                if let Some(velocity) = self.between_bodies(&touch, (body, &at), &gap) {
                     return Some(velocity);
                 }
+                let Gap { room, between, .. } = gap;
                 self.counts.squeezed += 1;
                 // Other layers may stand in its way, and would be struck with distance/dt.
                 let carried = x + (first_at.displacement + at.displacement) * 0.5;
@@ -97,17 +105,18 @@ impl Search<'_> {
         Some((touch.at.velocity + other.map_or(touch.at.velocity, |at| at.velocity)) * 0.5)
     }
 
-    /// The same, if the body that it has touched and one that faces it have passed through one another.
-    fn between_bodies(&self, touch: &LastContact, facing: (usize, &BodyPoint), x: &Vec3) -> Option<Vec3> {
-        let (body, at) = facing;
-        let Gap { width, between, .. } = self.gap(touch, at, x);
-        (width <= 0.0 && self.step.bodies.contains(body, &between)).then(|| (touch.at.velocity + at.velocity) * 0.5)
+    /// The same, if the body that it has touched and one that faces it across this gap have passed through one another.
+    fn between_bodies(&self, touch: &LastContact, (body, at): (usize, &BodyPoint), gap: &Gap) -> Option<Vec3> {
+        (gap.width <= 0.0 && self.step.bodies.contains(body, &gap.between))
+            .then(|| (touch.at.velocity + at.velocity) * 0.5)
     }
 
     /// The same, of a vertex at `end` that has touched one body and perhaps another one before.
     pub(super) fn pinching(&self, touch: &LastContact, before: Option<&LastContact>, end: &Vec3) -> Option<Vec3> {
-        let faces = |other: &&LastContact| other.at.normal.dot(&touch.at.normal) < FACING;
-        let by_bodies = || self.between_bodies(before.filter(faces)?, (touch.body, &touch.at), end);
+        let by_bodies = || {
+            let before = before.filter(|before| before.faces(&touch.at))?;
+            self.between_bodies(before, (touch.body, &touch.at), &self.gap(before, &touch.at, end))
+        };
         self.between_parts(touch, end).or_else(by_bodies)
     }
 }
