@@ -2,6 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
+use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription,
@@ -119,4 +120,63 @@ fn layers_in_a_gap_too_narrow_for_them_are_not_struck_however_short_the_steps_ar
         let fastest = velocities(&simulation).iter().map(|v| v.norm()).fold(0.0, f64::max);
         assert!(fastest < 1.0, "{integrator:?}: {fastest} m/s");
     }
+}
+
+#[test]
+fn stiff_cloth_stretched_over_a_rim_comes_to_rest() {
+    // A closed cylinder swells by 70 % inside a tube of which the upper end is held above it. At its rim the stretched cloth
+    // presses with several times what pairs bear that nothing presses.
+    const AROUND: usize = 24;
+    let cylinder = |radius: f64, [low, high]: [f64; 2], rings: usize| -> Vec<Vec3> {
+        let point = |n: usize| {
+            let angle = std::f64::consts::TAU * (n % AROUND) as f64 / AROUND as f64;
+            let height = low + (high - low) * (n / AROUND) as f64 / rings as f64;
+            Vec3::new(radius * angle.cos(), height, radius * angle.sin())
+        };
+        (0..(rings + 1) * AROUND).map(point).collect()
+    };
+    let sides = |rings: usize| -> Vec<[u32; 3]> {
+        let quad = |n: usize| {
+            let next = n - n % AROUND + (n + 1) % AROUND;
+            let [a, b, c, d] = [n, n + AROUND, next + AROUND, next].map(|n| n as u32);
+            [[a, b, c], [a, c, d]]
+        };
+        (0..rings * AROUND).flat_map(quad).collect()
+    };
+    let (points, mut triangles) = (cylinder(0.1, [0.0, 0.5], 8), sides(8));
+    let top = (8 * AROUND) as u32;
+    for n in 1..AROUND as u32 - 1 {
+        triangles.extend([[0, n, n + 1], [top, top + n + 1, top + n]]);
+    }
+    let place = |time: f64| -> Vec<Vec3> {
+        let swollen = 1.0 + 0.7 * (time * f64::from(FPS) / 6.0).min(1.0);
+        points.iter().map(|p| Vec3::new(p.x * swollen, p.y, p.z * swollen)).collect()
+    };
+    let mesh = PolygonMesh::from_triangles(cylinder(0.11, [0.1, 0.6], 16), &sides(16));
+    let mut description = scene_of(GarmentDescription::new("tube", mesh, 0.2), FPS);
+    description.garments[0].thickness = 6e-4;
+    add_springs(&mut description, 50.0, 1.0);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_pins(&mut description, (16 * AROUND as u32..17 * AROUND as u32).collect());
+    add_self_contact(&mut description);
+    set_steps_of_a_frame(&mut description, Integrator::TrBdf2, 8);
+    let (mut steps, mut energy) = (0, 0.0_f64);
+    let body = MeshBody { triangles, points: &place };
+    run_with_mesh(
+        description,
+        &body,
+        |body| body.thickness = 8e-4,
+        18,
+        |simulation, summary| {
+            assert_eq!(simulation.crossings(), [], "frame {}", summary.frame);
+            if summary.frame > 14 {
+                steps += summary.steps;
+                energy = energy.max(summary.kinetic_energy);
+            }
+        },
+    );
+    assert!(
+        steps <= 48 && energy < 1e-4,
+        "{steps} steps in four frames, {energy} J, long after the body has come to rest"
+    );
 }

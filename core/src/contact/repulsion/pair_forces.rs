@@ -10,6 +10,7 @@ use crate::Vec3;
 use crate::contact::repulsion::active_pair::{OrientedPair, PairsOfKind};
 use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
+use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::long_steps::{LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PRESSURE, STIFFENING};
@@ -31,8 +32,51 @@ pub(crate) struct PairStage<'a> {
     pub v: &'a [Vec3],
     /// Inverse masses of the nodes of cloth, zero where held [1/kg].
     pub mobility: &'a [f64],
+    /// Accelerations of the nodes of cloth before pairs repel each other.
+    pub unrepelled: &'a UnrepelledMotion,
     /// Length of the step [s].
     pub dt: f64,
+}
+
+/// Motion of the nodes of cloth at the start of a step under all forces but those of pairs. It tells how hard a pair is pressed.
+#[derive(Debug, Default)]
+pub(crate) struct UnrepelledMotion {
+    /// Accelerations [m/s²], zero where a body holds the node.
+    accelerations: Vec<Vec3>,
+    /// Inverse masses, zero where held, by a body too [1/kg].
+    mobility: Vec<f64>,
+}
+
+impl UnrepelledMotion {
+    /// Sets the accelerations of this rank's own nodes [m/s²], none where a body holds one, and brings them to the ghosts. `mobility` are
+    /// inverse masses of all nodes of cloth [1/kg]. All ranks call it together.
+    pub(crate) fn set(&mut self, nodes: &ContactNodes, mobility: &[f64], of_own: impl Iterator<Item = Option<Vec3>>) {
+        let Self { accelerations, mobility: free } = self;
+        accelerations.clear();
+        accelerations.resize(nodes.cloth(), Vec3::zeros());
+        free.clear();
+        free.extend_from_slice(mobility);
+        for (node, acceleration) in nodes.own().zip(of_own) {
+            match acceleration {
+                Some(acceleration) => accelerations[node] = acceleration,
+                None => free[node] = 0.0,
+            }
+        }
+        nodes.update(accelerations);
+        nodes.update(free);
+    }
+
+    /// Force that keeps the sides of a pair from accelerating towards each other along `normal` [N], negative where they part.
+    fn pressing_force(&self, nodes: [u32; 4], weights: [f64; 4], normal: &Vec3) -> f64 {
+        let (mut approach, mut response) = (0.0, 0.0);
+        for (node, weight) in nodes.into_iter().zip(weights) {
+            if let Some(mobility) = self.mobility.get(node as usize).filter(|mobility| **mobility > 0.0) {
+                approach -= weight * self.accelerations[node as usize].dot(normal);
+                response += weight * weight * mobility;
+            }
+        }
+        if response > 0.0 { approach / response } else { 0.0 }
+    }
 }
 
 /// What a pair in touch does to its nodes: node i is pushed by `weights[i]` times the force.
@@ -133,6 +177,17 @@ struct PairSpring {
 }
 
 impl PairSpring {
+    /// Push of a pair that yields by all of its thickness, over the push of a spring that is linear from the first touch on.
+    const FULL_PUSH: f64 = STIFFENING - 0.5 * ONSET;
+
+    /// The spring of a pair of which the linear stiffness is `linear` [N/m] where nothing presses it. It is stiffer where more presses it
+    /// [N] than it bears before its sides meet: with any bound of its push a stage would take the sides through each other, and C would
+    /// throw them apart again in every step.
+    fn pressed(linear: f64, thickness: f64, pressing_force: f64) -> Self {
+        let full = Self::FULL_PUSH * linear * thickness;
+        Self { linear: linear * (pressing_force / full).max(1.0), thickness }
+    }
+
     /// Push F [N] at `y` [m], which is the overlap of a pair at rest, and its derivative F' [N/m]: F is convex and increases,
     /// so that Newton's method finds the push of a pair without turning round.
     fn at(&self, y: f64) -> (f64, f64) {
@@ -160,7 +215,8 @@ impl OrientedPair {
         PRESSURE * AREA * edge * edge / self.thickness
     }
 
-    /// Whether the pair may push wherever its two are closest: nine in ten are too far apart for how fast their nodes approach.
+    /// Whether the pair may push wherever its two are closest: nine in ten are too far apart for how fast their nodes approach. A pair that
+    /// something presses is stiffer than `linear` and acts later.
     #[inline]
     fn may_push(&self, at: &PairStage<'_>, linear: f64) -> bool {
         let [a, b, c, d] = self.pair.nodes.map(|node| at.mobility.get(node as usize).copied().unwrap_or(0.0));
@@ -202,13 +258,15 @@ impl OrientedPair {
         if response <= 0.0 {
             return None;
         }
-        let damping_time = PAIR_DAMPING / (linear * response).sqrt();
+        let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
+        let spring = PairSpring::pressed(linear, self.thickness, pressing_force);
+        let damping_time = PAIR_DAMPING / (spring.linear * response).sqrt();
         let approach = velocity.dot(&normal);
         let y = self.thickness - distance - damping_time * approach;
         if y <= 0.0 {
             return None;
         }
-        let (push, stiffness) = PairSpring { linear, thickness: self.thickness }.at(y);
+        let (push, stiffness) = spring.at(y);
         let slip = velocity - normal * approach;
         let of_cloth =
             || surface.friction().map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
@@ -218,7 +276,7 @@ impl OrientedPair {
         let first_slip = *history.first_slip.get_or_insert(speed);
         // What slows down within the step has at most Coulomb's friction at its end.
         let sliding = friction * history.load() / speed.max(first_slip).max(SLOW_SLIP);
-        let tangential_damping = sliding.min(linear * at.dt);
+        let tangential_damping = sliding.min(spring.linear * at.dt);
         let force = normal * push - slip * tangential_damping;
         Some(PairForce {
             pair,

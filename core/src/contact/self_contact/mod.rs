@@ -17,6 +17,7 @@ use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
 use crate::contact::intersections::exact::ignored_pairs;
+use crate::contact::repulsion::pair_forces::UnrepelledMotion;
 use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::self_contact::substeps::Substeps;
 use crate::contact::tolerances::{GAP_ROUNDINGS, REWOUND};
@@ -85,6 +86,8 @@ pub(crate) struct SelfContact {
     cloth: [Vec<Vec3>; 2],
     /// Displacements of all nodes since the collision-free state at a stage of a long step [m].
     displacements: Vec<Vec3>,
+    /// Accelerations of the nodes of cloth at the start of a long step under all forces but those of pairs.
+    unrepelled: UnrepelledMotion,
     /// Distance that collisions keep in this collision step [m].
     gap: f64,
     /// Time of the collision-free state [s].
@@ -143,6 +146,7 @@ impl SelfContact {
             has_isolated: scene.isolated().is_some(),
             cloth: Default::default(),
             displacements: Vec::new(),
+            unrepelled: UnrepelledMotion::default(),
             gap: 0.0,
             start_time: 0.0,
             displacement_rate: 0.0,

@@ -41,6 +41,12 @@ impl SelfContact {
         self.repel(Passes::WithoutSprings, dt, x, v, metrics);
     }
 
+    /// Sets the accelerations of own vertices at the start of a long step under all forces but those of pairs [m/s²], none where a body
+    /// holds one: they say how hard each pair is pressed. All ranks call it together.
+    pub(crate) fn set_unrepelled(&mut self, accelerations: impl Iterator<Item = Option<Vec3>>) {
+        self.unrepelled.set(self.surface.nodes(), &self.mobility, accelerations);
+    }
+
     /// The forces of pairs in touch at a stage of a long step, cloth at `x` with `v`, both over the scene's local vertices
     /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]; `before` are those of the evaluation before in this step; none
     /// if it is the first. All ranks call it together.
@@ -51,14 +57,16 @@ impl SelfContact {
         (fraction, dt): (f64, f64),
         before: &[PairForce],
     ) -> Vec<PairForce> {
-        let Self { surface, repulsions: Some(repulsions), mobility, cloth, paths, displacements, .. } = self else {
+        let Self { surface, repulsions: Some(repulsions), mobility, unrepelled, cloth, paths, displacements, .. } =
+            self
+        else {
             return Vec::new();
         };
         surface.gather_stage([x, v], bodies, fraction, cloth);
         let [x, v] = cloth;
         displacements.clear();
         displacements.extend(x.iter().zip(&paths.start).map(|(x, start)| x - start));
-        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, dt }, before)
+        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, unrepelled, dt }, before)
     }
 
     /// The numbering of the nodes of pairs.

@@ -107,6 +107,11 @@ impl<'a> Stages<'a> {
         self.arrays.unconverged.fill(true);
         self.arrays.pairs.clear();
         self.evaluate_start();
+        if let Some(contact) = &mut self.repulsion {
+            let own = at.parts.own().zip(&self.arrays.f);
+            let free = |(vertex, f): (usize, &Vec3)| (!self.active.holds(vertex)).then(|| f / at.masses[vertex]);
+            contact.set_unrepelled(own.map(free));
+        }
         let mut repelled = vec![Vec3::zeros(); self.arrays.f.len()];
         self.add_pair_impulses(0.0, 1.0, &mut repelled);
         // Newton's second law says what bodies gave at the end of the step before.

@@ -13,6 +13,7 @@ struct CloseTriangles {
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     mobility: Vec<f64>,
+    unrepelled: UnrepelledMotion,
 }
 
 impl CloseTriangles {
@@ -42,7 +43,7 @@ impl CloseTriangles {
         let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance };
         let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
         x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
-        Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility }
+        Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility, unrepelled: UnrepelledMotion::default() }
     }
 
     fn force(&self) -> Option<PairForce> {
@@ -50,16 +51,27 @@ impl CloseTriangles {
     }
 
     fn force_after(&self, history: PairHistory) -> Option<PairForce> {
-        let Self { surface, x, v, mobility, .. } = self;
+        let Self { surface, x, v, mobility, unrepelled, .. } = self;
         let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
         let displacements = &displacements;
-        self.pair.force(&LAWS, &PairStage { surface, x, displacements, v, mobility, dt: 0.005 }, |_| history)
+        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005 };
+        self.pair.force(&LAWS, &stage, |_| history)
     }
 
     /// Moves the upper triangle.
     fn shift(&mut self, by: Vec3) {
         let rest = self.surface.rest();
         self.x.iter_mut().zip(rest).filter(|(_, rest)| rest.y > 0.0).for_each(|(x, _)| *x += by);
+    }
+
+    /// Presses the upper triangle down with an acceleration [m/s²]; a body may hold the lower one.
+    fn press(&mut self, acceleration: f64, is_held: bool) {
+        let Self { surface, mobility, unrepelled, .. } = self;
+        let of_node = |rest: &Vec3| match rest.y > 0.0 {
+            true => Some(Vec3::y() * -acceleration),
+            false => (!is_held).then(Vec3::zeros),
+        };
+        unrepelled.set(surface.nodes(), mobility, surface.rest().iter().map(of_node));
     }
 
     /// Gives the upper triangle a velocity.
@@ -101,6 +113,35 @@ fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
         touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - distance));
         let found = touching.force().expect("it is in touch").force.norm() / area;
         assert!((found - pressure).abs() < 1e-6 * pressure, "{found} Pa at {overlap} of the thickness, not {pressure}");
+    }
+}
+
+#[test]
+fn a_pair_bears_what_presses_it_before_its_sides_meet() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = CloseTriangles::new(kind);
+        let free = touching.force().expect("it is in touch");
+        touching.shift(Vec3::y() * (1e-6 * THICKNESS - free.distance));
+        let unpressed = touching.force().expect("it is in touch");
+        let (bears, slow) = (unpressed.push, unpressed.damping[0] / unpressed.stiffness);
+        for is_held in [true, false] {
+            // Reduced mass of the points that meet: of the upper ones alone where a body holds the lower triangle.
+            let nodes = free.nodes.into_iter().zip(free.weights).filter(|(_, weight)| *weight > 0.0 || !is_held);
+            let response: f64 = nodes.map(|(node, weight)| weight * weight * touching.mobility[node as usize]).sum();
+            for share in [0.5, 3.0, 1e3] {
+                let pressing = share * bears;
+                touching.press(pressing * response, is_held);
+                let found = touching.force().expect("it is in touch");
+                let expected = pressing.max(bears);
+                assert!((found.push - expected).abs() < 1e-5 * expected, "{kind:?}, {share}: {} N", found.push);
+                // The damping time of a spring is that of its frequency.
+                let (time, due) = (found.damping[0] / found.stiffness, slow * (bears / expected).sqrt());
+                assert!((time - due).abs() < 1e-5 * due, "{kind:?}, {share}: {time} s, not {due} s");
+            }
+            touching.press(-1e4 * bears * response, is_held);
+            let found = touching.force().expect("it is in touch").push;
+            assert!((found - bears).abs() < 1e-5 * bears, "what parts is not pressed: {found} N");
+        }
     }
 }
 
