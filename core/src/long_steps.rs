@@ -60,9 +60,9 @@ pub(crate) const FIRST_TANGENT: f64 = 0.3;
 /// Part of an edge at either end in which the spring of a pair of edges becomes softer. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
 pub(crate) const EDGE_ENDS: f64 = 0.2;
 
-/// Stiffness of a pair of edges at their ends, over the stiffness in their middle. In a mesh of triangles six edges meet in a vertex: where
-/// one vertex lies on another, up to 36 pairs bear together as much as two. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
-pub(crate) const SHARED_END: f64 = 0.05;
+/// Factor of the spring of a pair of edges at the end of one of them; at the ends of both it is the square. In a mesh of triangles six edges meet
+/// in a vertex, and share what one pair would bear. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const SHARED_END: f64 = 1.0 / 6.0;
 
 /// Sine of the angle between two edges below which their spring becomes softer, to nothing where they are parallel. Guarded by
 /// `folded_silk_comes_to_rest_on_a_floor`.

@@ -22,6 +22,12 @@ use crate::parallel::simd4::Simd4;
 /// Area of a vertex, over the square of its mean edge, in a mesh of equilateral triangles.
 const AREA: f64 = 0.866_025_403_784_438_6;
 
+/// Least factor of the spring of two edges that counts for their damping time: a vertex on a vertex.
+const SOFTEST_EDGES: f64 = SHARED_END * SHARED_END;
+
+/// Weight of the forces at the end of a stage over the length of the step, α of the scheme.
+const STAGE_WEIGHT: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+
 /// Newton steps for the overlap of a push. From the right they halve what is left at worst, and a tangent anywhere near will do.
 const OVERLAP_STEPS: usize = 12;
 
@@ -44,6 +50,14 @@ pub(crate) struct PairStage<'a> {
     pub dt: f64,
     /// True for a guess of Newton's method, about which the law of each pair is linearised; false for the state at the start of the step.
     pub is_guess: bool,
+}
+
+impl PairStage<'_> {
+    /// Damping time of a pair in touch [s], of which the linear spring has this frequency squared [1/s²]. It is no shorter than what a stage
+    /// weighs: the trapezoid reflects a mass that a stiffer spring stops, and a stack of layers would bounce for ever.
+    fn damping_time(&self, frequency_squared: f64) -> f64 {
+        (PAIR_DAMPING / frequency_squared.sqrt()).max(STAGE_WEIGHT * self.dt)
+    }
 }
 
 /// Motion of the nodes of cloth at the start of a step under all forces but those of pairs. It tells how hard a pair is pressed.
@@ -270,27 +284,27 @@ impl OrientedPair {
             PairKind::PointTriangle => a + b.min(c).min(d) / 3.0,
             PairKind::EdgeEdge => 0.5 * (a.min(b) + c.min(d)),
         };
-        let softest = if self.pair.kind == PairKind::EdgeEdge { SHARED_END * linear } else { linear };
+        let softest = if self.pair.kind == PairKind::EdgeEdge { SOFTEST_EDGES * linear } else { linear };
         // Infinite where nodes are held.
-        let damping_time = PAIR_DAMPING / (softest * response).sqrt();
+        let damping_time = at.damping_time(softest * response);
         !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference_squared(at.v).sqrt())
     }
 
     /// Factor of the spring of two edges that touch near their ends or are nearly parallel; 1 for a point and a triangle.
     ///
-    /// Where vertices lie on vertices all the edges that meet there touch, and together they would be many times as stiff as one pair. Closest
+    /// Where a vertex lies on an edge, or on a vertex, all the edges that meet there touch, and they share the spring of one pair. Closest
     /// points of parallel edges jump from end to end (mollifier of M. Li et al., "Incremental Potential Contact", 2020).
     fn mollifier(&self, x: &[Vec3], weights: [f64; 4]) -> f64 {
         if self.pair.kind == PairKind::PointTriangle {
             return 1.0;
         }
         let [a, b, c, d] = weights.map(f64::abs);
-        let inside = smooth_step(a.min(b) / EDGE_ENDS) * smooth_step(c.min(d) / EDGE_ENDS);
+        let of_edge = |end: f64| SHARED_END + (1.0 - SHARED_END) * smooth_step(end / EDGE_ENDS);
         let [p, q, r, s] = self.pair.positions(x);
         let (one, other) = (q - p, s - r);
         let lengths = (one.norm_squared() * other.norm_squared()).sqrt();
         let sine = one.cross(&other).norm() / lengths;
-        (SHARED_END + (1.0 - SHARED_END) * inside) * smooth_step(sine / PARALLEL_EDGES)
+        of_edge(a.min(b)) * of_edge(c.min(d)) * smooth_step(sine / PARALLEL_EDGES)
     }
 
     /// Damping time at a distance [m] of a pair that has `whole` in touch [s], and minus the derivative of y by the distance where the sides
@@ -335,10 +349,10 @@ impl OrientedPair {
         }
         let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
         let mut spring = PairSpring::pressed(linear, self.thickness, pressing_force);
-        let damped = mollifier.max(SHARED_END) * spring.linear;
+        let damped = mollifier.max(SOFTEST_EDGES) * spring.linear;
         spring.linear *= mollifier;
         let approach = velocity.dot(&normal);
-        let (damping_time, steepness) = self.damping(PAIR_DAMPING / (damped * response).sqrt(), distance, approach);
+        let (damping_time, steepness) = self.damping(at.damping_time(damped * response), distance, approach);
         let y = self.thickness - distance - damping_time * approach;
         if y <= 0.0 {
             return None;

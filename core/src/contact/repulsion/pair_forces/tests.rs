@@ -14,6 +14,7 @@ struct CloseTriangles {
     v: Vec<Vec3>,
     mobility: Vec<f64>,
     unrepelled: UnrepelledMotion,
+    dt: f64,
 }
 
 impl CloseTriangles {
@@ -43,7 +44,15 @@ impl CloseTriangles {
         let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance };
         let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
         x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
-        Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility, unrepelled: UnrepelledMotion::default() }
+        Self {
+            v: vec![Vec3::zeros(); x.len()],
+            surface,
+            pair,
+            x,
+            mobility,
+            unrepelled: UnrepelledMotion::default(),
+            dt: 0.005,
+        }
     }
 
     fn force(&self) -> Option<PairForce> {
@@ -58,7 +67,7 @@ impl CloseTriangles {
         let Self { surface, x, v, mobility, unrepelled, .. } = self;
         let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
         let displacements = &displacements;
-        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005, is_guess };
+        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: self.dt, is_guess };
         self.pair.force(&LAWS, &stage, |_| history)
     }
 
@@ -136,6 +145,20 @@ fn newtons_method_comes_to_a_light_load_in_a_few_rounds() {
 }
 
 #[test]
+fn a_pair_is_damped_for_as_long_as_a_stage_weighs_at_least() {
+    let mut touching = CloseTriangles::new(PairKind::PointTriangle);
+    let mut damping_time = |dt: f64| {
+        touching.dt = dt;
+        let found = touching.force().expect("it is in touch");
+        found.damping[0] / found.stiffness
+    };
+    let own = damping_time(1e-9);
+    let alpha = 1.0 - 0.5_f64.sqrt();
+    assert_eq!(damping_time(0.5 * own / alpha), own);
+    assert!((damping_time(4.0 * own / alpha) - 4.0 * own).abs() < 1e-9 * own);
+}
+
+#[test]
 fn a_guess_is_pushed_by_a_tangent_of_the_law() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
         let mut touching = CloseTriangles::new(kind);
@@ -170,9 +193,11 @@ fn edges_share_a_spring_at_their_ends_and_have_none_where_they_are_parallel() {
     let across = [Vec3::y(), Vec3::new(0.5, 1.0, 0.8)];
     assert_eq!(mollifier(across, [0.5, 0.5]), 1.0);
     assert_eq!(mollifier(across, [0.2, 0.8]), 1.0);
-    assert!((mollifier(across, [0.1, 0.5]) - 0.525).abs() < 1e-12);
-    for end in [[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.0, 1.0]] {
-        assert!((mollifier(across, end) - 0.05).abs() < 1e-12, "{end:?}");
+    // Half-way between 1/6 and 1.
+    assert!((mollifier(across, [0.1, 0.5]) - 7.0 / 12.0).abs() < 1e-12);
+    assert!((mollifier(across, [0.0, 1.0]) - 1.0 / 36.0).abs() < 1e-12, "a vertex on a vertex");
+    for end in [[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]] {
+        assert!((mollifier(across, end) - 1.0 / 6.0).abs() < 1e-12, "{end:?}");
     }
     let nearly = |sine: f64| [Vec3::y(), Vec3::new((1.0_f64 - sine * sine).sqrt(), 1.0, sine)];
     assert_eq!(mollifier(nearly(0.0), [0.5, 0.5]), 0.0);
@@ -201,6 +226,8 @@ fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
 fn a_pair_bears_what_presses_it_before_its_sides_meet() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
         let mut touching = CloseTriangles::new(kind);
+        // In a step so short that springs alone say how long pairs are damped.
+        touching.dt = 1e-9;
         let free = touching.force().expect("it is in touch");
         touching.shift(Vec3::y() * (1e-6 * THICKNESS - free.distance));
         let unpressed = touching.force().expect("it is in touch");
@@ -308,7 +335,8 @@ fn a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_fa
 
 #[test]
 fn a_pair_that_lands_on_its_onset_hardly_bounces() {
-    let touching = CloseTriangles::new(PairKind::PointTriangle);
+    let mut touching = CloseTriangles::new(PairKind::PointTriangle);
+    touching.dt = 1e-9;
     let found = touching.force().expect("it is in touch");
     // Stiffness k of the linear spring and reduced mass, from the stiffness where onset is over: k (1 + 9 (o/H)²).
     let overlap = 1.0 - found.distance / THICKNESS;
