@@ -27,9 +27,13 @@ pub(crate) const SETTLED_PAIR: f64 = 0.5;
 /// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub(crate) const EXTRAPOLATED: f64 = 0.04;
 
-/// Change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for an error of the
-/// first solve rather than for a wrong mode, over the tolerance of solves. Guarded by `calm_cloth_is_never_tried_again`.
+/// Change of velocities beyond which a solve may be rough, and the residual at contacts that is taken for an error of the first solve rather
+/// than for a wrong mode, over the tolerance of solves. Guarded by `calm_cloth_is_never_tried_again`.
 pub(crate) const ROUGH: f64 = 10.0;
+
+/// Change of velocities below which a solve is the last of its stage, over the tolerance of solves. With 10 a stage may leave as much as
+/// a step falls freely, and stacks bounce for ever. Guarded by `exactly_the_known_hard_cases_fail_in_long_steps`.
+pub(crate) const CONVERGED: f64 = 3.0;
 
 // Contact.
 
@@ -53,6 +57,21 @@ pub(crate) const PAIR_DAMPING: f64 = 2.5;
 /// `a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back`.
 pub(crate) const LOOK_AHEAD: f64 = 2.0;
 
+/// Overlap over the thickness about which the law of a pair is linearised at most when a guess first finds it in touch. What it bears is not
+/// known then, and most pairs bear little. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const FIRST_TANGENT: f64 = 0.3;
+
+/// Part of an edge at either end in which the spring of a pair of edges becomes softer. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const EDGE_ENDS: f64 = 0.2;
+
+/// Factor of the spring of a pair of edges at the end of one of them; at the ends of both it is the square. In a mesh of triangles six edges meet
+/// in a vertex, and share what one pair would bear. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const SHARED_END: f64 = 1.0 / 6.0;
+
+/// Sine of the angle between two edges below which their spring becomes softer, to nothing where they are parallel. Guarded by
+/// `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const PARALLEL_EDGES: f64 = 0.2;
+
 /// Distance over the thickness up to which pairs that have passed through each other within a stage are pulled back: as far as a step
 /// takes them. Guarded by
 /// `a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_far_through_is_pulled_back`.
@@ -70,6 +89,10 @@ pub(crate) const LEAVING: f64 = 0.25;
 /// off the body by s²/2R after a step, however thin the body is. Four times as much lets a stack of sheets bounce (hard case H28).
 /// Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const SLID_OFF: f64 = 0.005;
+
+/// Most of that gap over the thickness that layers keep: with more, a body draws the second layer of a fold onto itself through the first.
+/// Guarded by `folded_silk_comes_to_rest_on_a_floor`.
+pub(crate) const SLID_OFF_LAYER: f64 = 0.25;
 
 /// Farthest that collisions may move a vertex in a step, over the edges around it: the velocities of a step that ended farther off do
 /// not go with its positions, and throw the cloth that lies on the vertex. Guarded by

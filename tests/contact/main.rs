@@ -3,7 +3,7 @@
 mod bodies;
 mod ccd;
 mod crossing_fuzz;
-mod layers_on_a_ball;
+mod layers;
 mod self_contact;
 
 use drapery_core::Vec3;

@@ -87,7 +87,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
         pinched_in_solves: true,
         keeps_acceleration: true,
         strain_per_step: 0.5,
-        version: 8,
+        version: 9,
         unused: &[UnusedKey {
             key: "cfl",
             because: "`steps_per_frame` chooses the steps of `tr_bdf2`",

@@ -274,10 +274,11 @@ pub(super) const H28: Case = Case {
         let record = bench.simulate(&Trial { compared: HEAP, ..Trial::still(description, 72) })?;
         let height = |x: &Vec<Vec3>| x.iter().map(|x| x.y).sum::<f64>() / x.len() as f64;
         let heights: Vec<f64> = record.last().positions.iter().map(height).collect();
+        let at_rest = record.frames[48..].iter().map(|frame| frame.summary.kinetic_energy).fold(0.0, f64::max);
         let mass: f64 = record.masses.concat().iter().sum();
         let disorder = heights.windows(2).filter(|w| w[1] <= w[0]).count();
         Ok(vec![
-            Figure::at_most("kinetic energy after 3 s [J]", record.last().summary.kinetic_energy, 1e-6),
+            Figure::at_most("kinetic energy in the third second [J]", at_rest, 1e-6),
             Figure::exactly("neighbours out of order", disorder as f64, 0.0),
             Figure::at_most("growth of energy, over that of the drop", record.kinetic() / (mass * GRAVITY * 0.1), 1.0),
         ])

@@ -250,17 +250,18 @@ impl ActiveContact {
         true
     }
 
-    /// The mode and the friction [N s] that fit what a solve has left at the vertex [N s], known to within `doubt` [N s], and by how
-    /// much what the body has given differs from what it can give, and its size, both squared.
-    fn judge(&self, residual: &Vec3, doubt: f64) -> Judgement {
+    /// The mode and the friction [N s] that fit a residual [N s], known to within `doubt` [N s], and by how much what the body has given
+    /// differs from what it can give, and its size, both squared.
+    fn judge(&self, residual: &Residual, doubt: f64) -> Judgement {
         if self.mode == ContactMode::Dragged {
             // A solve leaves nothing there that a body would have to give.
             return Judgement { mode: self.mode, applied: Vec3::zeros(), difference: 0.0, size: 0.0 };
         }
         // What slides has its friction in the residual; the body bears both.
-        let reaction = self.earlier + self.applied - residual;
+        let reaction = self.earlier + self.applied - residual.evaluated;
         let (push, rest) = self.split(&reaction);
         let most = self.friction * push.max(0.0);
+        let solved = self.split(&(self.earlier + self.applied - residual.solved)).0;
         let mode = match self.mode {
             _ if push < -doubt => ContactMode::Free,
             ContactMode::Sticks if rest.norm() > most + doubt => ContactMode::slips(rest),
@@ -271,7 +272,7 @@ impl ActiveContact {
             ContactMode::Free => (Vec3::zeros(), reaction),
             ContactMode::Sticks | ContactMode::Stops | ContactMode::Dragged => (Vec3::zeros(), Vec3::zeros()),
             ContactMode::Slips(against) => {
-                let applied = against * most;
+                let applied = against * most.min(self.friction * solved.max(0.0));
                 (applied, applied - if mode == self.mode { self.applied } else { rest })
             }
         };
@@ -346,6 +347,17 @@ pub(crate) struct StageDrag<'a> {
     pub duration: f64,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
+}
+
+/// What a vertex in contact has left, minus the reaction of its body [N s].
+///
+/// Pairs of a guess overlap by what the next solve takes back, and press the vertex up to a hundred times as hard as in the end. Those of the
+/// solve before are as wrong where that has not come to its end. Friction of the smaller push throws no vertex sideways.
+struct Residual {
+    /// With the forces of pairs where the solve has come to.
+    evaluated: Vec3,
+    /// With the forces of pairs that the solve has found.
+    solved: Vec3,
 }
 
 /// What the reaction of a contact says of it.
@@ -439,13 +451,14 @@ impl ActiveSet {
 
     /// Changes the modes that the reactions of a solve show to be wrong, and the friction of what slides.
     ///
-    /// `residual` is what the solve has left at each own vertex [N s]: minus the reaction. The friction that comes or goes is
-    /// added to it, and what `restart` says of a contact whose mode has changed: by how much less the body gave its vertex before
-    /// the solve. Returns the own parts in which the solve has to go on. All ranks call it together.
+    /// `residual` is what the next solve is to balance at each own vertex [N s]: minus the reaction. `solved` is the same with the forces of
+    /// pairs that the solve before has found. The friction that comes or goes is added to `residual`, and what `restart` says of a contact
+    /// whose mode has changed: by how much less the body gave its vertex before the solve. Returns the own parts in which the solve has to
+    /// go on. All ranks call it together.
     pub(crate) fn update(
         &mut self,
         parts: &Parts,
-        residual: &mut [Vec3],
+        (residual, solved): (&mut [Vec3], &[Vec3]),
         trust: Trust<'_>,
         mut restart: impl FnMut(&ActiveContact) -> Vec3,
     ) -> Vec<bool> {
@@ -457,13 +470,14 @@ impl ActiveSet {
             while parts.ranges()[part].end <= contact.vertex {
                 part += 1;
             }
-            let residual = &mut residual[contact.vertex - first];
+            let (residual, solved) = (&mut residual[contact.vertex - first], solved[contact.vertex - first]);
             if let Some(change) = contact.turned.take() {
                 // What the body gives here is not known before it was solved for.
                 differences[part] += (change * trust.masses[contact.vertex]).norm_squared();
                 continue;
             }
-            let judgement = contact.judge(residual, trust.tolerance * trust.masses[contact.vertex]);
+            let judgement = contact
+                .judge(&Residual { evaluated: *residual, solved }, trust.tolerance * trust.masses[contact.vertex]);
             differences[part] += judgement.difference;
             sizes[part] += judgement.size;
             if judgement.mode != contact.mode {

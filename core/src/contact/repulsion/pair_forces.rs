@@ -13,11 +13,20 @@ use crate::contact::tolerances::SLOW_SLIP;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
-use crate::long_steps::{LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PRESSURE, STIFFENING};
+use crate::long_steps::{
+    EDGE_ENDS, FIRST_TANGENT, LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PARALLEL_EDGES, PRESSURE, SHARED_END,
+    STIFFENING,
+};
 use crate::parallel::simd4::Simd4;
 
 /// Area of a vertex, over the square of its mean edge, in a mesh of equilateral triangles.
 const AREA: f64 = 0.866_025_403_784_438_6;
+
+/// Least factor of the spring of two edges that counts for their damping time: a vertex on a vertex.
+const SOFTEST_EDGES: f64 = SHARED_END * SHARED_END;
+
+/// Newton steps for the overlap of a push. From the right they halve what is left at worst, and a tangent anywhere near will do.
+const OVERLAP_STEPS: usize = 12;
 
 /// Where the nodes of contact are at a stage, and how fast.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +45,8 @@ pub(crate) struct PairStage<'a> {
     pub unrepelled: &'a UnrepelledMotion,
     /// Length of the step [s].
     pub dt: f64,
+    /// True for a guess of Newton's method, about which the law of each pair is linearised; false for the state at the start of the step.
+    pub is_guess: bool,
 }
 
 /// Motion of the nodes of cloth at the start of a step under all forces but those of pairs. It tells how hard a pair is pressed.
@@ -94,10 +105,9 @@ pub(crate) struct PairForce {
     pub distance: f64,
     /// Distance that the pair keeps [m].
     pub thickness: f64,
-    /// Force on the first side [N].
+    /// Force on the first side [N]: as it is evaluated, and after a solve about there as that has found it.
     pub force: Vec3,
-    /// What it bears along its normal [N]: as it is evaluated, and after a solve about there as much as that has found; negative where
-    /// the solve pulled at it.
+    /// Its component along the normal [N], negative where the solve pulled at it.
     pub push: f64,
     /// What is remembered of it within a step.
     pub history: PairHistory,
@@ -132,14 +142,21 @@ impl PairHistory {
     fn load(&self) -> f64 {
         self.pushes[0].min(self.pushes[1]).max(0.0)
     }
+
+    /// Push that the solve before has found [N]; nothing for a pair that was not in touch.
+    fn solved_push(&self) -> Option<f64> {
+        self.first_slip.map(|_| self.pushes[0])
+    }
 }
 
 /// After a solve of which these are the products of the pairs with its solution, in a system that weighs damping of pairs by
-/// `share alpha`: notes what each bears at the velocities that the solve has found, and by how much its velocity along the normal
+/// `share alpha`: notes the force of each at the velocities that the solve has found, and by how much its velocity along the normal
 /// has changed.
 pub(crate) fn note_solution(pairs: &mut [PairForce], products: &[Simd4], [share, alpha]: [f64; 2]) {
     for (pair, product) in pairs.iter_mut().zip(products) {
-        let taken = Vec3::from(*product).dot(&pair.normal) / (share * alpha);
+        let taken = Vec3::from(*product) / (share * alpha);
+        pair.force -= taken;
+        let taken = taken.dot(&pair.normal);
         pair.push -= taken;
         let change = taken / (pair.damping[0] + alpha * pair.stiffness);
         pair.last_change = change.abs() / pair.thickness;
@@ -200,6 +217,38 @@ impl PairSpring {
         let push = linear * ((begun + yielded) * inside - 0.5 * begun * begun * ONSET * thickness);
         (push + stiffness * (y - inside), stiffness)
     }
+
+    /// Where the push is `push` [N], no farther than `most` [m]: Newton's method on a convex function, from its right.
+    fn overlap_of(&self, push: f64, most: f64) -> f64 {
+        let mut y = most;
+        for _ in 0..OVERLAP_STEPS {
+            let (found, stiffness) = self.at(y);
+            if found <= push {
+                break;
+            }
+            y -= (found - push) / stiffness;
+        }
+        y
+    }
+
+    /// Push [N] and its derivative [N/m] at `y` [m] by the tangent that suits a pair of this history in a guess of Newton's method.
+    ///
+    /// The law is flat where layers touch lightly. Its tangent at a deep overlap would take back half of the overlap in a round, and the next
+    /// one half of the rest. The push that the solve before has found says where the law is needed.
+    fn linearised(&self, y: f64, history: &PairHistory) -> (f64, f64) {
+        let about = match history.solved_push() {
+            None => y.min(FIRST_TANGENT * self.thickness),
+            Some(push) => y.min(self.overlap_of(push.max(0.0), y).max(ONSET * self.thickness)),
+        };
+        let (push, stiffness) = self.at(about);
+        (push + stiffness * (y - about), stiffness)
+    }
+}
+
+/// Smooth step from 0 to 1, of which the derivatives are zero at both ends.
+fn smooth_step(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
 }
 
 impl OrientedPair {
@@ -225,9 +274,38 @@ impl OrientedPair {
             PairKind::PointTriangle => a + b.min(c).min(d) / 3.0,
             PairKind::EdgeEdge => 0.5 * (a.min(b) + c.min(d)),
         };
+        let softest = if self.pair.kind == PairKind::EdgeEdge { SOFTEST_EDGES * linear } else { linear };
         // Infinite where nodes are held.
-        let damping_time = PAIR_DAMPING / (linear * response).sqrt();
+        let damping_time = PAIR_DAMPING / (softest * response).sqrt();
         !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference_squared(at.v).sqrt())
+    }
+
+    /// Factor of the spring of two edges that touch near their ends or are nearly parallel; 1 for a point and a triangle.
+    ///
+    /// Where a vertex lies on an edge, or on a vertex, all the edges that meet there touch, and they share the spring of one pair. Closest
+    /// points of parallel edges jump from end to end (mollifier of M. Li et al., "Incremental Potential Contact", 2020).
+    fn mollifier(&self, x: &[Vec3], weights: [f64; 4]) -> f64 {
+        if self.pair.kind == PairKind::PointTriangle {
+            return 1.0;
+        }
+        let [a, b, c, d] = weights.map(f64::abs);
+        let of_edge = |end: f64| SHARED_END + (1.0 - SHARED_END) * smooth_step(end / EDGE_ENDS);
+        let [p, q, r, s] = self.pair.positions(x);
+        let (one, other) = (q - p, s - r);
+        let lengths = (one.norm_squared() * other.norm_squared()).sqrt();
+        let sine = one.cross(&other).norm() / lengths;
+        of_edge(a.min(b)) * of_edge(c.min(d)) * smooth_step(sine / PARALLEL_EDGES)
+    }
+
+    /// Damping time at a distance [m] of a pair that has `whole` in touch [s], and minus the derivative of y by the distance where the sides
+    /// move apart at `speed` [m/s]. A damper that ended at once where pairs are no longer looked for would come and go from round to round.
+    fn damping(&self, whole: f64, distance: f64, speed: f64) -> (f64, f64) {
+        let rest = LOOK_AHEAD - distance / self.thickness;
+        let share = rest / (LOOK_AHEAD - 1.0);
+        if share >= 1.0 {
+            return (whole, 1.0);
+        }
+        (whole * share, 1.0 + whole * (-speed).max(0.0) / ((LOOK_AHEAD - 1.0) * self.thickness))
     }
 
     /// Force of the pair, if it is in touch, or about to be, and nothing pulls it.
@@ -255,24 +333,27 @@ impl OrientedPair {
                 response += weight * weight * mobility;
             }
         }
-        if response <= 0.0 {
+        let mollifier = self.mollifier(at.x, weights);
+        if response <= 0.0 || mollifier <= 0.0 {
             return None;
         }
         let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
-        let spring = PairSpring::pressed(linear, self.thickness, pressing_force);
-        let damping_time = PAIR_DAMPING / (spring.linear * response).sqrt();
+        let mut spring = PairSpring::pressed(linear, self.thickness, pressing_force);
+        let damped = mollifier.max(SOFTEST_EDGES) * spring.linear;
+        spring.linear *= mollifier;
         let approach = velocity.dot(&normal);
+        let (damping_time, steepness) = self.damping(PAIR_DAMPING / (damped * response).sqrt(), distance, approach);
         let y = self.thickness - distance - damping_time * approach;
         if y <= 0.0 {
             return None;
         }
-        let (push, stiffness) = spring.at(y);
         let slip = velocity - normal * approach;
         let of_cloth =
             || surface.friction().map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
         let friction = surface.body_of(&nodes).map_or_else(of_cloth, |body| body.friction);
         let (pair, speed) = (surface.nodes().numbered(&self.pair), slip.norm());
         let mut history = history(&pair);
+        let (push, stiffness) = if at.is_guess { spring.linearised(y, &history) } else { spring.at(y) };
         let first_slip = *history.first_slip.get_or_insert(speed);
         // What slows down within the step has at most Coulomb's friction at its end.
         let sliding = friction * history.load() / speed.max(first_slip).max(SLOW_SLIP);
@@ -288,7 +369,7 @@ impl OrientedPair {
             force,
             push,
             history,
-            stiffness,
+            stiffness: steepness * stiffness,
             damping: [damping_time * stiffness, tangential_damping],
             last_change: 0.0,
         })

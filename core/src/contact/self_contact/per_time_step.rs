@@ -66,7 +66,8 @@ impl SelfContact {
         let [x, v] = cloth;
         displacements.clear();
         displacements.extend(x.iter().zip(&paths.start).map(|(x, start)| x - start));
-        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, unrepelled, dt }, before)
+        let is_guess = fraction > 0.0;
+        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, unrepelled, dt, is_guess }, before)
     }
 
     /// The numbering of the nodes of pairs.
@@ -77,6 +78,11 @@ impl SelfContact {
     /// Counts the pairs in touch of the last stage.
     pub(crate) fn count_pair_forces(&self, metrics: &mut Metrics) {
         self.repulsions.iter().for_each(|repulsions| repulsions.count(metrics));
+    }
+
+    /// Thickness that layers keep at own vertices [m]; `None` where they do not repel each other.
+    pub(crate) fn layer_thickness(&self) -> Option<&[f64]> {
+        self.repels().then(|| &self.surface.thickness()[self.surface.nodes().own()])
     }
 
     /// Whether B.8 has pressed an own vertex against a body, by its place among these.

@@ -25,8 +25,9 @@ pub(crate) struct StageArrays {
     /// Forces on own vertices at the start, and at the stage [N].
     pub(super) f_start: Vec<Vec3>,
     pub(super) f: Vec<Vec3>,
-    /// What a solve is to balance, and what it has left [N s].
+    /// What a solve is to balance [N s], and the same with the forces of pairs that the solve before has found.
     pub(super) residual: Vec<Vec3>,
+    pub(super) solved_residual: Vec<Vec3>,
     /// What a solve changes [m/s].
     pub(super) change: Vec<Vec3>,
     /// Pairs of cloth in touch at the stage.
@@ -66,7 +67,8 @@ impl StageArrays {
             v_first: local.clone(),
             f_start: own.clone(),
             f: own.clone(),
-            residual: own,
+            residual: own.clone(),
+            solved_residual: own,
             change: local,
             pairs: Vec::new(),
             unconverged: vec![true; parts.count()],
@@ -76,7 +78,7 @@ impl StageArrays {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let vectors = 5 * self.x.len() + 3 * self.f.len();
+        let vectors = 5 * self.x.len() + 4 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()
             + self.matrix.bytes()

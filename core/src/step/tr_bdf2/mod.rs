@@ -146,7 +146,8 @@ impl<'a> Step<'a> {
         let (bodies, dt, recovery_speed) = (&prescribed.bodies, settings.dt, settings.recovery_speed);
         let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own]);
         let pinched_in_solves = settings.integrator.spec().pinched_in_solves;
-        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half, pinched_in_solves })
+        let layers = contacts.cloth.as_ref().and_then(|contact| contact.layer_thickness());
+        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half, pinched_in_solves }, layers)
     }
 
     fn stages(&mut self) -> Stages<'_> {

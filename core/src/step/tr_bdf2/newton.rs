@@ -8,19 +8,24 @@ use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, Judges, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
 use crate::contact::self_contact::SelfContact;
-use crate::long_steps::{MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, SETTLED};
+use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, SETTLED};
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 
 impl Stages<'_> {
-    /// The forces of pairs in touch where the stage stands, at a fraction of the step, times `duration` [s], are added to `impulses`
-    /// of the own vertices that are worked on [N s].
-    pub(super) fn add_pair_impulses(&mut self, fraction: f64, duration: f64, impulses: &mut [Vec3]) {
+    /// The forces of pairs in touch where the stage stands, at a fraction of the step.
+    pub(super) fn evaluate_pairs(&mut self, fraction: f64) {
         let Some(contact) = &mut self.repulsion else { return };
-        let StageArrays { x, v, pairs, unconverged, .. } = &mut *self.arrays;
+        let StageArrays { x, v, pairs, .. } = &mut *self.arrays;
         *pairs = contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
+    }
+
+    /// Adds the forces of pairs times `duration` [s] to `impulses` of the own vertices that are worked on [N s].
+    pub(super) fn add_pair_impulses(&self, duration: f64, impulses: &mut [Vec3]) {
+        let Some(contact) = &self.repulsion else { return };
+        let StageArrays { pairs, unconverged, .. } = &*self.arrays;
         let (own, parts) = (contact.nodes().own(), self.at.parts);
-        for pair in &*pairs {
+        for pair in pairs {
             for (node, weight) in pair.nodes.iter().zip(pair.weights) {
                 let vertex = (*node as usize).wrapping_sub(own.start);
                 if vertex < own.len() && unconverged[parts.part_of(vertex + parts.own().start)] {
@@ -30,15 +35,21 @@ impl Stages<'_> {
         }
     }
 
-    /// Adds what pairs in touch give where the stage stands to its residual, and takes them into the matrix.
+    /// Sets the residual of a stage where it stands, and takes pairs in touch there into the matrix. `solved_residual` has the forces of pairs
+    /// that the solve before has found.
     ///
     /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
     /// alone, for all of its length.
-    fn add_pairs(&mut self, stage: Stage) {
+    fn set_residual(&mut self, stage: Stage) {
         let (share, alpha) = (stage.share_of_pairs(), ALPHA * self.at.dt);
-        let mut residual = std::mem::take(&mut self.arrays.residual);
-        self.add_pair_impulses(stage.fraction(), share * alpha, &mut residual);
-        self.arrays.residual = residual;
+        self.set_residual_without_pairs(stage);
+        let StageArrays { residual, solved_residual, .. } = &mut *self.arrays;
+        let [mut residual, mut solved] = [residual, solved_residual].map(std::mem::take);
+        solved.copy_from_slice(&residual);
+        self.add_pair_impulses(share * alpha, &mut solved);
+        self.evaluate_pairs(stage.fraction());
+        self.add_pair_impulses(share * alpha, &mut residual);
+        (self.arrays.residual, self.arrays.solved_residual) = (residual, solved);
         if let Some(contact) = &self.repulsion {
             let StageArrays { cg, pairs, .. } = &mut *self.arrays;
             cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, alpha]);
@@ -70,7 +81,6 @@ impl Stages<'_> {
         let alpha = ALPHA * self.at.dt;
         let at = self.at;
         self.set_residual(stage);
-        self.add_pairs(stage);
         let mut total = Outcome::NONE;
         let is_whole = stage != Stage::SecondAgain;
         let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
@@ -113,7 +123,7 @@ impl Stages<'_> {
                 self.arrays.unconverged.fill(false);
                 break;
             }
-            let moved = self.parts_moved(rough);
+            let moved = self.parts_moved(CONVERGED * at.stop.tolerance);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
             let is_exact = stage != Stage::SecondAgain || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && is_exact;
@@ -174,8 +184,7 @@ impl Stages<'_> {
         }
         self.evaluate(stage.fraction(), true);
         self.set_residual(stage);
-        self.add_pairs(stage);
-        let StageArrays { residual, v_start, x, unconverged, .. } = &mut *self.arrays;
+        let StageArrays { residual, solved_residual, v_start, x, unconverged, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
             if stage != Stage::First {
                 return Vec3::zeros();
@@ -188,7 +197,7 @@ impl Stages<'_> {
         };
         // Modes that only a rough solve shows to be wrong are looked at again.
         let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: SETTLED[stage as usize] };
-        let unsettled = self.active.update(at.parts, residual, trust, restart);
+        let unsettled = self.active.update(at.parts, (residual, solved_residual), trust, restart);
         at.parts.halo().update(at.parts.ranks(), x);
         let next = moved.into_iter().zip(touched).zip(unsettled);
         for (unconverged, ((moved, touched), unsettled)) in unconverged.iter_mut().zip(next) {

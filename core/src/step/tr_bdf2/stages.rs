@@ -113,7 +113,8 @@ impl<'a> Stages<'a> {
             contact.set_unrepelled(own.map(free));
         }
         let mut repelled = vec![Vec3::zeros(); self.arrays.f.len()];
-        self.add_pair_impulses(0.0, 1.0, &mut repelled);
+        self.evaluate_pairs(0.0);
+        self.add_pair_impulses(1.0, &mut repelled);
         // Newton's second law says what bodies gave at the end of the step before.
         let given = |vertex: usize| {
             let own = vertex - at.parts.own().start;
@@ -234,7 +235,7 @@ impl<'a> Stages<'a> {
     }
 
     /// Sets the residual of a stage where it stands, without the forces of pairs in touch.
-    pub(super) fn set_residual(&mut self, stage: Stage) {
+    pub(super) fn set_residual_without_pairs(&mut self, stage: Stage) {
         let (alpha, parts, drag) = (ALPHA * self.at.dt, self.at.parts, self.drag(stage));
         let StageArrays { v_start, v_first, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
         for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| unconverged[*part]) {

@@ -45,6 +45,22 @@ fn a_vertex_that_surfaces_drag_goes_with_them_but_for_what_pulls_at_it() {
     // A reaction that no body could give.
     let trust = Trust { tolerance: 0.0, masses: &masses, settled: 0.01 };
     let before = residual.clone();
-    let unsettled = set.update(&parts, &mut residual, trust, |_| Vec3::x());
+    let unsettled = set.update(&parts, (&mut residual, &before), trust, |_| Vec3::x());
     assert!(!unsettled.contains(&true) && set.is_settled() && residual == before);
+}
+
+#[test]
+fn friction_in_a_solve_is_that_of_the_smaller_push() {
+    let parts = Sheet::new(3, 1.0, 1).parts(&Ranks::default());
+    let (masses, friction) = ([0.5; 9], 0.4);
+    for (evaluated, solved) in [(6.0, 2.0), (2.0, 6.0), (3.0, -1.0)] {
+        let mut set = ActiveSet::default();
+        let slides = ActiveContact::new(4, [Vec3::zeros(); 2], friction, Vec3::x(), 0.01).with_normal(Vec3::y());
+        set.set(&parts, vec![slides]);
+        let [mut residual, solved_residual] = [evaluated, solved].map(|push| vec![-Vec3::y() * push; 9]);
+        let trust = Trust { tolerance: 0.0, masses: &masses, settled: 0.01 };
+        set.update(&parts, (&mut residual, &solved_residual), trust, |_| Vec3::zeros());
+        let expected = -Vec3::x() * (friction * f64::min(evaluated, solved).max(0.0)) - Vec3::y() * evaluated;
+        assert!((residual[4] - expected).norm() < 1e-12, "{evaluated} and {solved} N s: {:?}", residual[4]);
+    }
 }

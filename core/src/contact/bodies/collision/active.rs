@@ -7,28 +7,30 @@ use super::{BodyCollision, CACHED, CollisionStep, Counts, LastContact, QueryCach
 use crate::Vec3;
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
-use crate::long_steps::{LEAVING, RESTING_GAP, SLID_OFF};
+use crate::long_steps::{LEAVING, RESTING_GAP, SLID_OFF, SLID_OFF_LAYER};
 
-/// See [`SLID_OFF`] [m]; `search` is the radius of the search.
-fn slid_off(search: f64) -> f64 {
-    SLID_OFF * search / SEARCH_EDGES
+/// Gap of a vertex that a body bears [m]; `search` is the radius of the search, `layer` the thickness that layers keep there, if they do.
+fn slid_off(search: f64, layer: Option<f64>) -> f64 {
+    let of_edges = SLID_OFF * search / SEARCH_EDGES;
+    layer.map_or(of_edges, |thickness| of_edges.min(SLID_OFF_LAYER * thickness))
 }
 
 impl BodyCollision {
     /// The vertices that rest on bodies at the start of the step and do not leave them at once, ascending. `step.v_half` are the
-    /// velocities that they are expected to go with.
-    pub(crate) fn resting(&mut self, step: &CollisionStep<'_>) -> Vec<ActiveContact> {
+    /// velocities that they are expected to go with, `layers` the thickness that layers keep at each own vertex, if they do [m].
+    pub(crate) fn resting(&mut self, step: &CollisionStep<'_>, layers: Option<&[f64]>) -> Vec<ActiveContact> {
         let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
         let (search, surfaces, first) = (self.search, self.surfaces, self.first);
         let of_vertex = |vertex: usize, memory: &mut [super::ClosestCache]| {
             let (x, v_half) = (&step.x[vertex], &step.v_half[vertex]);
             // A vertex at rest has no displacement, and a body within this gap is not far from it.
-            let own_way = (step.v[vertex].norm() + v_half.norm()) * step.dt + slid_off(search);
+            let slid_off = slid_off(search, layers.map(|layers| layers[vertex]));
+            let own_way = (step.v[vertex].norm() + v_half.norm()) * step.dt + slid_off;
             let known = [QueryCache::NOTHING; CACHED];
             let mut counts = Counts::default();
             let mut search = Search { step, slots, painted, search, memory, counts: &mut counts, own_way, known };
             let end = x + v_half * step.dt;
-            if search.is_far_from_all(x, &end) { None } else { search.resting(first, vertex, &end) }
+            if search.is_far_from_all(x, &end) { None } else { search.resting([first, vertex], &end, slid_off) }
         };
         let chunks = self.held.par_chunks(CHUNK).enumerate();
         let of_chunk = |c: usize, held: &[bool], memory: &mut [super::ClosestCache]| -> Vec<ActiveContact> {
@@ -64,8 +66,8 @@ impl BodyCollision {
 }
 
 impl Search<'_> {
-    /// The bodies that a vertex rests on, if it goes to `end`, or the surfaces that drag it along.
-    fn resting(&mut self, first: usize, vertex: usize, end: &Vec3) -> Option<ActiveContact> {
+    /// The bodies that a vertex rests on, if it goes to `end`, or the surfaces that drag it along. A body bears it up to a gap of `slid_off` [m].
+    fn resting(&mut self, [first, vertex]: [usize; 2], end: &Vec3, slid_off: f64) -> Option<ActiveContact> {
         let step = *self.step;
         let (x, v, dt) = (&step.x[vertex], &step.v[vertex], step.dt);
         let mut found: Option<ActiveContact> = None;
@@ -74,7 +76,6 @@ impl Search<'_> {
             let properties = &step.bodies.list()[body];
             let (offset, gap) = (properties.offset, properties.offset - properties.thickness);
             let resting = offset + gap.max(RESTING_GAP * offset);
-            let slid_off = slid_off(self.search);
             let at_start = self.distance_at_start(body, x);
             if count == MAX_BODY_CONTACTS || at_start > resting.max(offset + slid_off) {
                 continue;

@@ -51,10 +51,14 @@ impl CloseTriangles {
     }
 
     fn force_after(&self, history: PairHistory) -> Option<PairForce> {
+        self.force_of(history, false)
+    }
+
+    fn force_of(&self, history: PairHistory, is_guess: bool) -> Option<PairForce> {
         let Self { surface, x, v, mobility, unrepelled, .. } = self;
         let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
         let displacements = &displacements;
-        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005 };
+        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005, is_guess };
         self.pair.force(&LAWS, &stage, |_| history)
     }
 
@@ -97,7 +101,86 @@ fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
         let thrown = touching.force().expect("it is in touch");
         let difference = (moved.force - thrown.force).norm() / step;
         assert!((difference - found.damping[0]).abs() < 1e-3 * found.damping[0], "{difference} {:?}", found.damping);
+        // Beyond its thickness a pair that approaches has less of its damper the farther it is.
+        touching.shift(Vec3::y() * (1.5 * THICKNESS - moved.distance));
+        touching.throw(Vec3::y() * (-2.0 * THICKNESS * found.stiffness / found.damping[0]));
+        let approaching = touching.force().expect("it approaches");
+        touching.shift(Vec3::y() * step);
+        let difference = (approaching.force - touching.force().expect("it approaches").force).norm() / step;
+        let stiffness = approaching.stiffness;
+        assert!((difference - stiffness).abs() < 5e-3 * stiffness, "{kind:?}: {difference} {stiffness}");
     }
+}
+
+#[test]
+fn newtons_method_comes_to_a_light_load_in_a_few_rounds() {
+    let spring = PairSpring { linear: 1000.0, thickness: THICKNESS };
+    let load = spring.at(0.02 * THICKNESS).0;
+    for first in [0.05, 0.4, 0.9, 3.0] {
+        let rounds = |is_linearised: bool| -> usize {
+            let (mut y, mut history) = (first * THICKNESS, PairHistory::NONE);
+            for round in 1.. {
+                let (push, stiffness) = if is_linearised { spring.linearised(y, &history) } else { spring.at(y) };
+                // The solve puts the pair where its tangent bears the load.
+                y += (load - push) / stiffness;
+                history = PairHistory { pushes: [load, history.pushes[0]], first_slip: Some(0.0) };
+                if (y / THICKNESS - 0.02).abs() < 0.02 {
+                    return round;
+                }
+            }
+            unreachable!("the loop ends at the load")
+        };
+        assert!(rounds(true) <= 3 && rounds(true) <= rounds(false), "from {first}: {} rounds", rounds(true));
+        assert!(first < 0.5 || rounds(false) >= 5, "from {first}: the law itself would do in {}", rounds(false));
+    }
+}
+
+#[test]
+fn a_guess_is_pushed_by_a_tangent_of_the_law() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = CloseTriangles::new(kind);
+        let distance = touching.force().expect("it is in touch").distance;
+        for overlap in [0.05, 0.5, 0.9, 4.0] {
+            touching
+                .shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - touching.force().map_or(distance, |f| f.distance)));
+            let law = touching.force().expect("it is in touch").push;
+            let guess = |solved: Option<f64>| {
+                let history = PairHistory { pushes: [solved.unwrap_or(0.0); 2], first_slip: solved.map(|_| 0.0) };
+                touching.force_of(history, true).expect("it is in touch").push
+            };
+            assert!((guess(Some(law)) - law).abs() < 1e-9 * law, "{kind:?}, {overlap}: where the law bears the load");
+            for solved in [None, Some(-law), Some(0.1 * law), Some(2.0 * law)] {
+                let push = guess(solved);
+                assert!(push <= law * (1.0 + 1e-12), "{kind:?}, {overlap}, {solved:?}: {push} N of {law} N");
+            }
+        }
+    }
+}
+
+#[test]
+fn edges_share_a_spring_at_their_ends_and_have_none_where_they_are_parallel() {
+    let touching = CloseTriangles::new(PairKind::EdgeEdge);
+    let [a, b, c, d] = touching.pair.pair.nodes.map(|node| node as usize);
+    let mollifier = |other: [Vec3; 2], along: [f64; 2]| {
+        let mut x = touching.x.clone();
+        [x[a], x[b]] = [Vec3::zeros(), Vec3::x()];
+        [x[c], x[d]] = other;
+        touching.pair.mollifier(&x, [1.0 - along[0], along[0], along[1] - 1.0, -along[1]])
+    };
+    let across = [Vec3::y(), Vec3::new(0.5, 1.0, 0.8)];
+    assert_eq!(mollifier(across, [0.5, 0.5]), 1.0);
+    assert_eq!(mollifier(across, [0.2, 0.8]), 1.0);
+    // Half-way between 1/6 and 1.
+    assert!((mollifier(across, [0.1, 0.5]) - 7.0 / 12.0).abs() < 1e-12);
+    assert!((mollifier(across, [0.0, 1.0]) - 1.0 / 36.0).abs() < 1e-12, "a vertex on a vertex");
+    for end in [[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]] {
+        assert!((mollifier(across, end) - 1.0 / 6.0).abs() < 1e-12, "{end:?}");
+    }
+    let nearly = |sine: f64| [Vec3::y(), Vec3::new((1.0_f64 - sine * sine).sqrt(), 1.0, sine)];
+    assert_eq!(mollifier(nearly(0.0), [0.5, 0.5]), 0.0);
+    assert!((mollifier(nearly(0.1), [0.5, 0.5]) - 0.5).abs() < 1e-12);
+    assert!((mollifier(nearly(0.21), [0.5, 0.5]) - 1.0).abs() < 1e-12);
+    assert_eq!(CloseTriangles::new(PairKind::PointTriangle).pair.mollifier(&touching.x, [1.0, -1.0, 0.0, 0.0]), 1.0);
 }
 
 #[test]
@@ -210,7 +293,8 @@ fn a_pair_that_approaches_is_pushed_before_it_touches_and_one_that_has_passed_fa
         let damping_time = at_rest.damping[0] / at_rest.stiffness;
         place(&mut touching, 1.5 * THICKNESS);
         assert_eq!(touching.force(), None);
-        touching.throw(Vec3::y() * (-0.55 * THICKNESS / damping_time));
+        // Half-way to where pairs are looked for it has half of its damper.
+        touching.throw(Vec3::y() * (-0.55 * THICKNESS / (0.5 * damping_time)));
         let approaching = touching.force().expect("it approaches");
         assert!((approaching.push - at_rest.push).abs() < 1e-9 * at_rest.push, "{kind:?}: {} N", approaching.push);
         place(&mut touching, 2.1 * THICKNESS);
