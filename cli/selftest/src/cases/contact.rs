@@ -265,7 +265,7 @@ const HEAP: i64 = 2;
 pub(super) const H28: Case = Case {
     id: "H28",
     title: "a stack of ten sheets that drops on the floor",
-    must: "it settles in 3 s, in order",
+    must: "it settles, in order, and lies still to the end",
     judge: |bench| {
         let (count, cells) = bench.by_tier((10, 3), (50, 20));
         let mut description = stack(count, cells, 0.03, (0.05, 0.004));
@@ -274,11 +274,13 @@ pub(super) const H28: Case = Case {
         let record = bench.simulate(&Trial { compared: HEAP, ..Trial::still(description, 72) })?;
         let height = |x: &Vec<Vec3>| x.iter().map(|x| x.y).sum::<f64>() / x.len() as f64;
         let heights: Vec<f64> = record.last().positions.iter().map(height).collect();
-        let at_rest = record.frames[48..].iter().map(|frame| frame.summary.kinetic_energy).fold(0.0, f64::max);
+        // A stack that bounces for ever is quiet in single frames.
+        let (seconds, frame) = bench.by_tier((1, 24), (2, 48));
+        let at_rest = record.frames[frame..].iter().map(|frame| frame.summary.kinetic_energy).fold(0.0, f64::max);
         let mass: f64 = record.masses.concat().iter().sum();
         let disorder = heights.windows(2).filter(|w| w[1] <= w[0]).count();
         Ok(vec![
-            Figure::at_most("kinetic energy in the third second [J]", at_rest, 1e-6),
+            Figure::at_most(format!("kinetic energy after {seconds} s [J]"), at_rest, 1e-6),
             Figure::exactly("neighbours out of order", disorder as f64, 0.0),
             Figure::at_most("growth of energy, over that of the drop", record.kinetic() / (mass * GRAVITY * 0.1), 1.0),
         ])
