@@ -25,7 +25,7 @@ pub(crate) struct Coefficients {
 }
 
 impl Coefficients {
-    /// Those of a block, with three values more behind it.
+    /// Reads the coefficients of a block, with three more values behind it.
     #[inline(always)]
     pub(crate) fn of(values: &[f32]) -> Self {
         let four = |at: usize| Simd4::widened(&[values[at], values[at + 1], values[at + 2], values[at + 3]]);

@@ -1,4 +1,4 @@
-//! Which pairs of vertices have a block in the rows of a part.
+//! Pairs of vertices that have a block in the rows of a part.
 
 use std::ops::Range;
 
@@ -43,7 +43,7 @@ impl Pattern {
         Self { range, starts, inside: inside.iter().map(|pair| pair.1 as u16).collect(), outside }
     }
 
-    /// Where the block of a pair stands.
+    /// Returns the place of the block of a pair.
     fn place(range: &Range<usize>, a: u32, b: u32) -> Place {
         let (low, high) = (a.min(b), a.max(b));
         let in_part = |vertex: u32| vertex - range.start as u32;
@@ -110,7 +110,7 @@ impl Pattern {
     }
 }
 
-/// Where the block of a pair stands; vertices of the part are counted from its first.
+/// Place of the block of a pair; vertices of the part are counted from its first.
 enum Place {
     /// In the row of the lower vertex, with the higher one.
     Inside(u32, u32),

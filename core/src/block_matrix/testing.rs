@@ -99,7 +99,7 @@ impl Sheet {
         Parts::new(ranks.clone(), partition, assignment, ghosts, numbers)
     }
 
-    /// What a rank's local vertices have of an array of all.
+    /// Returns the values of a rank's local vertices from an array of all vertices.
     pub(crate) fn local<T: Clone>(parts: &Parts, all: &[T]) -> Vec<T> {
         (0..parts.local_count()).map(|local| all[parts.number(local) as usize].clone()).collect()
     }
@@ -188,7 +188,7 @@ impl Sheet {
     }
 }
 
-/// What D has beside the mass.
+/// Returns the term of D in addition to the mass.
 fn drag(mass: f64) -> Matrix3<f64> {
     Matrix3::new(0.4, 0.1, 0.0, 0.1, 0.3, -0.1, 0.0, -0.1, 0.2) * mass
 }

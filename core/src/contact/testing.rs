@@ -1,4 +1,4 @@
-//! What tests of contact over several ranks share.
+//! Helpers that tests of contact over several ranks share.
 
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::parallel::ranks::Ranks;
 /// Ranks that take longer than this in a test wait for each other for ever [s]; far beyond what a loaded machine needs.
 const LIMIT: u64 = 1200;
 
-/// What `work` returns on each of so many ranks.
+/// Runs `work` on `count` ranks, and returns its result on each.
 pub(crate) fn on_ranks<T: Send + 'static>(count: usize, work: impl Fn(Ranks) -> T + Send + Sync + 'static) -> Vec<T> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || sender.send(LocalRanks::run(count, 1, |communicator| work(Ranks::new(communicator)))));

@@ -1,4 +1,4 @@
-//! How far cloth of coarse faces has to stand off a body of coarse faces for neither to show through the other.
+//! Distance that cloth of coarse faces has to keep from a body of coarse faces for neither to show through the other.
 //!
 //! Bodies keep vertices of cloth at a distance. A face between vertices that lie on a curved body cuts the curve: it sinks by the
 //! sagitta `d² κ / 8`, with the curvature κ of the body and the diameter `d` of the smallest circle around the face, whichever
@@ -31,7 +31,7 @@ const MOST: f64 = 0.1;
 struct Ridge {
     /// Angle between the normals of its faces [rad].
     angle: f64,
-    /// That over the distance of their middles [1/m].
+    /// Angle divided by the distance between the middles of the faces [1/m].
     curvature: f64,
     /// Diameter of the smallest circle around the larger face [m].
     diameter: f64,
@@ -39,7 +39,7 @@ struct Ridge {
     area: f64,
 }
 
-/// What the shape of a body asks of cloth that lies on it.
+/// Requirements of the shape of a body on cloth that lies on it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ridges(Vec<Ridge>);
 
@@ -52,7 +52,8 @@ struct Face {
 }
 
 impl Ridges {
-    /// Of a body in one pose \[m\]. Assumes valid indices; what is no number is left out.
+    /// Returns the ridges of a body in one pose \[m\]. Assumes valid indices; ridges whose values are not finite are
+    /// left out.
     pub fn of(body: &PolygonMesh) -> Self {
         let faces: Vec<Face> = body.faces().map(|corners| Face::of(corners, &body.points)).collect();
         let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(body.face_indices.len());

@@ -1,4 +1,4 @@
-//! Where edges of triangle meshes pass through triangles, decided without rounding.
+//! Crossings of edges of triangle meshes with triangles, decided without rounding.
 //!
 //! This is the judge of self-collision handling: a cache with one crossing is worthless to whoever has to clean it. Two
 //! triangle surfaces meet exactly when an edge of one meets a triangle of the other, so edges against triangles is all
@@ -44,7 +44,7 @@ pub struct Crossing {
     pub triangle: [u32; 3],
 }
 
-/// Which triangle speaks for which edge, so that an edge of several triangles is looked at once.
+/// Assignment of edges to owner triangles, so that an edge of several triangles is tested once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct EdgeOwners {
     /// For each triangle a bit for each of its edges [0, 1], [1, 2], [2, 0], and [`FACE`].
@@ -132,8 +132,8 @@ pub(crate) fn find(surface: &Surface<'_>) -> Vec<Crossing> {
     in_order(pieces.flatten_iter().collect())
 }
 
-/// Those crossings of a surface with itself that have a vertex for which `is_moved` holds, ascending. Looks around the
-/// triangles that have one only.
+/// Finds the crossings of a surface with itself that have a vertex for which `is_moved` holds, ascending. Looks
+/// around the triangles that have one only.
 pub(crate) fn find_moved(surface: &Surface<'_>, is_moved: impl Fn(u32) -> bool + Sync) -> Vec<Crossing> {
     let moved = |vertices: &[u32; 3]| vertices.iter().any(|&v| is_moved(v));
     let is_asked = |edge: &[u32; 2], triangle: &[u32; 3]| {

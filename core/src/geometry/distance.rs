@@ -22,7 +22,7 @@ pub struct TrianglePoint {
     pub point: Vec3,
     /// Barycentric weights of the three corners, not negative, sum 1.
     pub weights: [f64; 3],
-    /// Where on the triangle the point lies.
+    /// Feature of the triangle on which the point lies.
     pub feature: TriangleFeature,
     /// Squared distance to the other point \[m²\].
     pub distance_squared: f64,

@@ -28,7 +28,7 @@ pub struct FaceSearch {
     face_of_edge: Vec<([u32; 2], u32)>,
 }
 
-/// What crosses.
+/// Crossings found by a search.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CutCrossings {
     /// Crossings of the solver's triangles, ascending.
@@ -106,7 +106,7 @@ impl FaceSearch {
         self.search.place(positions);
     }
 
-    /// Where the points are.
+    /// Returns the positions of the points.
     pub fn positions(&self) -> &[Vec3] {
         self.search.surface().positions
     }

@@ -101,7 +101,7 @@ impl SurfacePoint {
     }
 }
 
-/// Where the path of a node passes through the moving surface.
+/// Crossing of the path of a node with the moving surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PathHit {
     /// The triangle; the lowest index if several are met at the same time.
@@ -330,13 +330,14 @@ impl MovingSurface {
         best
     }
 
-    /// How often the surface winds around `point` at the end of the step: 0 outside, 1 inside, 2 where two parts of the
-    /// body overlap. Meaningless unless [`MovingSurface::is_closed`].
+    /// Returns the winding number of the surface around `point` at the end of the step: 0 outside, 1 inside, 2 where
+    /// two parts of the body overlap. Meaningless unless [`MovingSurface::is_closed`].
     pub(crate) fn winding_number(&self, point: &Vec3) -> i32 {
         self_crossing::winding_number(&self.triangles, &self.positions[1], &self.trees[0], point)
     }
 
-    /// Where the surface crosses itself with its points at `positions`, one for each point of the body (a sample, say).
+    /// Finds the crossings of the surface with itself when its points are at `positions`, one for each point of the
+    /// body (a sample, say).
     pub(crate) fn self_crossing(&self, positions: &[Vec3]) -> SelfCrossing {
         let box_of =
             |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&positions[v as usize])));

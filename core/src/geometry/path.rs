@@ -16,7 +16,7 @@ use crate::geometry::tolerances;
 /// Newton and bisection steps at most; bisection alone needs 53.
 const ROOT_STEPS: usize = 64;
 
-/// Which crossings are asked for.
+/// Kinds of crossings that are asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Crossings {
     /// Only those from the front of a triangle to its back: into a closed body.
@@ -34,7 +34,7 @@ pub(crate) enum Side {
     Back,
 }
 
-/// Where and when a point passes through a triangle.
+/// Place and time at which a point passes through a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
     /// Fraction of the step, in \[0, 1\].

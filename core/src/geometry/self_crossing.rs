@@ -1,4 +1,4 @@
-//! Where a triangle surface passes through itself, and whether a point lies inside all the same.
+//! Crossings of a triangle surface with itself, and a test whether a point lies inside despite them.
 //!
 //! Production characters cross themselves at elbows, armpits and hips. Cloth there has no right place: the side of the
 //! closest triangle says nothing when that triangle lies inside the body. The winding number does.
@@ -12,7 +12,7 @@ use crate::geometry::tolerances;
 /// a row of edges.
 const RAY_SLOPES: [f64; 2] = [0.127_368_942_117, 0.331_772_654_063];
 
-/// What [`find`] returns.
+/// Result of [`find`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SelfCrossing {
     /// Pairs of triangles that cross, beyond the vertex or edge they may share, ascending.
@@ -47,7 +47,8 @@ pub(crate) fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh) -> Se
     SelfCrossing { pairs }
 }
 
-/// How often the closed surface winds around `point`: 0 outside, 1 inside, 2 where two parts of it overlap.
+/// Returns the winding number of the closed surface around `point`: 0 outside, 1 inside, 2 where two parts of it
+/// overlap.
 ///
 /// Counts signed crossings of a ray. Edges are judged by products that are exact negatives of one another in the two
 /// triangles that share them, so a ray through an edge or a corner is counted once. Meaningless for an open surface.

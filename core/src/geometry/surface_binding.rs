@@ -87,7 +87,8 @@ impl SurfaceBinding {
         self.points.iter().map(|point| point.offset.norm())
     }
 
-    /// Where the bound points are when the vertices of the surface are at `x` [m]. The same bits on any number of threads.
+    /// Returns the positions of the bound points when the vertices of the surface are at `x` [m]. The same bits on
+    /// any number of threads.
     pub fn positions(&self, x: &[Vec3]) -> Vec<Vec3> {
         let (triangles, vertices) = self.frames.at(x, None);
         self.points.par_iter().map(|point| self.place(point, x, &triangles, &vertices).0).collect()

@@ -50,7 +50,7 @@ pub trait Communicator: Send + Sync {
 pub struct Message {
     /// The rank that gets them.
     pub to: usize,
-    /// What it gets.
+    /// Bytes that it gets.
     pub bytes: Vec<u8>,
 }
 

@@ -8,8 +8,8 @@ use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::message::{self, Codec, Decoder};
 use crate::parallel::ranks::Ranks;
 
-/// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
-/// hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
+/// Own vertices that go to each rank, and places of the copies of other ranks' vertices here. Numbers are local:
+/// places in arrays that hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Halo {
     sends: Vec<(usize, Vec<u32>)>,
@@ -60,7 +60,7 @@ impl Halo {
         &self.sends
     }
 
-    /// Where the copies of other ranks' vertices stand, rank by rank.
+    /// Returns the places of the copies of other ranks' vertices, rank by rank.
     pub(crate) fn receives(&self) -> &[(usize, Range<usize>)] {
         &self.receives
     }

@@ -37,7 +37,7 @@ pub struct LocalRanks;
 pub struct CommError {
     /// The rank that was the first to fail.
     pub rank: usize,
-    /// What happened to it.
+    /// Description of its failure.
     pub message: String,
 }
 
@@ -74,7 +74,7 @@ impl LocalRanks {
     }
 }
 
-/// What went wrong, first things first.
+/// First failure of each kind, the kinds in order of precedence.
 #[derive(Default)]
 struct Failures {
     panicked: Mutex<Option<CommError>>,

@@ -1,4 +1,4 @@
-//! What ranks tell each other, as bytes. There are two kinds of messages, both sent by `Ranks` and `Halo`:
+//! Messages between ranks, as bytes. There are two kinds of messages, both sent by `Ranks` and `Halo`:
 //!
 //! * *rows* of fixed size, of which there may be many: numbers, vectors, and structs of them with a name for each field
 //!   (`#[repr(C)]` and [`Pod`], which does not compile where something lies between the fields). An array of rows goes as it is.
@@ -16,7 +16,7 @@ use bytemuck::Pod;
 use crate::Vec3;
 use crate::parallel::communicator::Message;
 
-/// What is left of a message that is being decoded.
+/// Remainder of a message that is being decoded.
 #[derive(Debug)]
 pub struct Decoder<'a> {
     rest: &'a [u8],
@@ -392,7 +392,7 @@ mod tests {
         comes_back(&[Ok(vec![Vec3::y(); 3]), Err(String::from("it is missing"))]);
     }
 
-    /// What is said of a rank that gets these bytes as texts, while the other two wait for it.
+    /// Returns the error message about a rank that gets these bytes as texts, while the other two wait for it.
     fn said_of(bytes: &[u8]) -> String {
         let ended = LocalRanks::run(3, 1, |communicator| {
             let ranks = Ranks::new(communicator);

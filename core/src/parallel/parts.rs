@@ -151,7 +151,7 @@ impl Parts {
         parts
     }
 
-    /// How many local vertices come before a number of the scene.
+    /// Counts the local vertices that come before a number of the scene.
     fn local_index(&self, vertex: usize) -> usize {
         let ghosts = self.vertices.ghosts().partition_point(|ghost| (*ghost as usize) < vertex);
         let owned = self.vertices.owned();

@@ -26,7 +26,7 @@ pub struct Ranks {
     traffic: Arc<Traffic>,
 }
 
-/// What a rank has sent.
+/// Counters of the messages that a rank has sent.
 #[derive(Debug, Default)]
 struct Traffic {
     messages: AtomicU64,
@@ -36,7 +36,7 @@ struct Traffic {
     waited: AtomicU64,
 }
 
-/// What a rank has sent so far.
+/// Traffic that a rank has sent so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Sent {
     /// Messages to single ranks.
@@ -224,7 +224,7 @@ impl Ranks {
     /// The value of every rank in the order of ranks on rank 0; nothing elsewhere.
     ///
     /// # Panics
-    /// What came cannot be decoded.
+    /// The received bytes cannot be decoded.
     pub fn gather_encoded<T: Codec>(&self, name: &'static str, own: &T) -> Vec<T> {
         let all = self.gather(&own.to_bytes());
         all.iter().map(|bytes| message::decode(self.rank(), name, bytes)).collect()
@@ -233,7 +233,7 @@ impl Ranks {
     /// The value of rank 0, on every rank; it is given there alone.
     ///
     /// # Panics
-    /// What came cannot be decoded.
+    /// The received bytes cannot be decoded.
     pub fn broadcast_encoded<T: Codec>(&self, name: &'static str, value: Option<T>) -> T {
         let mut bytes = Vec::new();
         if !self.is_alone() {
@@ -246,7 +246,7 @@ impl Ranks {
         }
     }
 
-    /// What rank 0 has for this rank: `value_of` makes it there, for one rank after the other.
+    /// Returns the value that rank 0 has for this rank: `value_of` makes it there, for one rank after the other.
     pub(crate) fn scatter_encoded<T: Codec>(&self, name: &'static str, value_of: impl Fn(usize) -> T) -> T {
         if !self.is_first() {
             let received = self.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
@@ -330,7 +330,7 @@ mod tests {
     use super::*;
     use crate::parallel::local_ranks::LocalRanks;
 
-    /// What is said of ranks that do this.
+    /// Returns the error message about ranks that do this.
     fn said_of(work: impl Fn(&Ranks) + Sync) -> String {
         let ended = LocalRanks::run(2, 1, |communicator| work(&Ranks::new(communicator)));
         ended.map(|_| ()).expect_err("no rank continues without its message").to_string()

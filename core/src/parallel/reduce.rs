@@ -22,14 +22,14 @@ pub(crate) fn tree_sum(blocks: &[f64]) -> f64 {
     }
 }
 
-/// Which blocks of a sum belong to which rank.
+/// Assignment of the blocks of a sum to ranks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct ReductionTree {
     /// First block of every rank, and the number of all at the end.
     starts: Vec<usize>,
     /// Largest subtrees of this rank, in order.
     own: Vec<Range<usize>>,
-    /// How many such subtrees every rank has.
+    /// Number of such subtrees of every rank.
     counts: Vec<usize>,
 }
 

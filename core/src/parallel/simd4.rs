@@ -71,13 +71,13 @@ impl Simd4 {
         Self([z, x, y, w])
     }
 
-    /// Of components and a fourth number, which is zero unless it only meets zeros.
+    /// Makes a vector of components and a fourth number, which is zero unless it only meets zeros.
     #[inline(always)]
     pub(crate) fn new(components: [f64; 4]) -> Self {
         Self(components)
     }
 
-    /// Of numbers in single precision; the fourth is taken as it is.
+    /// Makes a vector of numbers in single precision; the fourth is taken as it is.
     #[inline(always)]
     pub(crate) fn widened(values: &[f32; 4]) -> Self {
         let [x, y, z, w] = *values;

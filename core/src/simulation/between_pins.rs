@@ -1,5 +1,5 @@
-//! What pins ask of the cloth between them: edges whose both ends they prescribe cannot yield, so that their strain is that of
-//! the animation.
+//! Constraints of pins on the cloth between them: edges whose both ends they prescribe cannot yield, so that the
+//! strain of these edges is the strain of the animation.
 
 use super::{FrameInput, Simulation, StrainRecord};
 use crate::Vec3;
@@ -10,7 +10,8 @@ use crate::scene::{PinTarget, Scene};
 use crate::tolerances::{FAR_BOUND, FAR_BOUND_EDGES, FAR_BOUND_THICKNESSES, STRETCHED_BETWEEN_PINS};
 
 impl Simulation {
-    /// What is suspicious of how pins hold the cloth at the start, a sentence each: on rank 0, nothing elsewhere.
+    /// Returns the warnings about how pins hold the cloth at the start, a sentence each: on rank 0, nothing
+    /// elsewhere.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -7,7 +7,7 @@
 //!          rewind: where C gives the state back, it starts again from A with K halved
 //! ```
 //!
-//! What goes wrong on the way is tried again from A, more carefully each time (`super::recovery`).
+//! A collision step that goes wrong on the way is tried again from A, more carefully each time (`super::recovery`).
 
 use std::sync::Arc;
 
@@ -27,14 +27,14 @@ use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
 /// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
 const CG_TOLERANCE: f64 = 1e-2;
 
-/// How a collision step ended.
+/// Outcome of a collision step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ended {
     /// At a later collision-free state.
     Accepted,
-    /// Where it started: C gave the state back.
+    /// Return to its start: C gave the state back.
     Rewound,
-    /// Where it started: something went wrong, and is tried again more carefully.
+    /// Return to its start: the step went wrong, and is tried again more carefully.
     Retried,
 }
 
@@ -235,7 +235,7 @@ impl Simulation {
     }
 }
 
-/// What the time steps of a collision step have come to.
+/// Outcome of the time steps of a collision step.
 struct TimeSteps {
     /// When they began [s].
     start: f64,

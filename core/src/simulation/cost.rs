@@ -1,4 +1,4 @@
-//! What a frame costs, by effect.
+//! Cost of a frame, by effect.
 
 use super::{FrameSummary, Simulation};
 use crate::clock::Watch;
@@ -27,7 +27,7 @@ pub struct PlannedSteps {
     pub steps: f64,
     /// Longest step that the elastic forces and the scene allow [s].
     pub longest: f64,
-    /// What allows no longer ones, in words.
+    /// Cause of the limit on the length of a step, in words.
     pub because: String,
 }
 
@@ -59,8 +59,8 @@ impl Simulation {
         PlannedSteps { steps: (frame / longest).ceil().max(1.0), longest, because }
     }
 
-    /// What the frame of `summary`, which ran just now, has cost. Forces are timed by themselves, on one thread and where the
-    /// cloth is now; all others by their stages.
+    /// Returns the cost of the frame of `summary`, which ran just now. Forces are timed by themselves, on one thread
+    /// and where the cloth is now; all others by their stages.
     ///
     /// # Errors
     /// Never, unless the effects cannot be built a second time.

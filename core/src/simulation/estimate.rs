@@ -1,4 +1,4 @@
-//! What a frame is expected to cost before any was simulated.
+//! Expected cost of a frame before any was simulated.
 //!
 //! ```text
 //! iterations = solves × iterations of one,   the latter by how stiff the step's system is
@@ -57,13 +57,13 @@ impl FrameEstimate {
 
 /// The vectors of an iteration of the damping solve [ns by vertex].
 const DAMPING_ITERATION: f64 = 6.0;
-/// What a damping solve takes besides forces and iterations [ns by vertex].
+/// Cost of a damping solve besides forces and iterations [ns by vertex].
 const DAMPING_SOLVE: f64 = 20.0;
 /// An iteration of the preconditioned solve [ns by vertex].
 const BLOCK_ITERATION: f64 = 45.0;
 /// A preconditioned solve without its iterations: forces, blocks, coarse levels [ns by vertex].
 const BLOCK_SOLVE: f64 = 600.0;
-/// What pairs with edges and faces of surfaces add to it [ns by vertex].
+/// Cost that pairs with edges and faces of surfaces add to it [ns by vertex].
 const SURFACE_PAIRS: f64 = 1000.0;
 /// A, the pairs near a collision-free state, in a collision step [ns by triangle of cloth and of moving surfaces].
 const NEIGHBOURS: f64 = 550.0;
@@ -99,7 +99,7 @@ const STIFFNESS_POWER: f64 = 0.45;
 const FREE_ITERATIONS: f64 = 1.5;
 const CONTACT_ITERATIONS: f64 = 4.0;
 
-/// What an estimate looks at.
+/// Sizes that an estimate takes into account.
 struct Sizes {
     vertices: f64,
     triangles: f64,
@@ -109,7 +109,7 @@ struct Sizes {
 }
 
 impl Simulation {
-    /// What a frame is expected to cost.
+    /// Returns the expected cost of a frame.
     pub fn estimate(&self) -> FrameEstimate {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();

@@ -1,5 +1,5 @@
-//! What goes from a simulation to files: fields of garments as caches store them, and what rank 0 reads for all. All ranks
-//! call these together; rank 0 alone gives and gets.
+//! Data exchanged between a simulation and files: fields of garments as caches store them, and input that rank 0
+//! reads for all. All ranks call these together; rank 0 alone gives and gets.
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;

@@ -1,4 +1,4 @@
-//! What is measured at the end of a frame, over all ranks.
+//! Quantities measured at the end of a frame, over all ranks.
 
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ struct StrainedEdge {
 }
 
 impl StrainedEdge {
-    /// By strain; of equal ones, that with the smallest numbers is the last.
+    /// Compares by strain; of edges with equal strain, the one with the smallest numbers is the last.
     fn order(&self, other: &Self) -> Ordering {
         self.strain.total_cmp(&other.strain).then(other.numbers.cmp(&self.numbers))
     }

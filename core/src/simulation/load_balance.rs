@@ -1,5 +1,5 @@
-//! Which rank has which parts: given by what they were measured to cost, and given anew between frames where that is worth
-//! it. It changes no bit of the result.
+//! Assignment of the parts to ranks: made by the measured costs of the parts, and made anew between frames where that
+//! is worth it. It changes no bit of the result.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ const FRAMES: u32 = 4;
 /// Share of the time of the slowest rank that another assignment has to save.
 const WORTH: f64 = 0.1;
 
-/// What the ranks have taken since the parts were last given to them.
+/// Time that the ranks have taken since the parts were last given to them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Balance {
     /// Seconds that this rank worked, waiting for others apart.
@@ -26,7 +26,7 @@ pub(super) struct Balance {
     frames: u32,
     /// Seconds that this rank had waited at the last frame.
     waited: f64,
-    /// What the last assignment took [s].
+    /// Time that the last assignment took [s].
     cost: f64,
 }
 
@@ -67,7 +67,7 @@ impl Simulation {
     /// frames.
     ///
     /// # Errors
-    /// What was handed over does not fit: never, unless the program is at fault.
+    /// Fails if the data handed over do not fit: never, unless the program is at fault.
     pub fn assign(&mut self, assignment: Vec<usize>) -> Result<(), SnapshotError> {
         let scene = Arc::new(self.scene.reassigned(assignment));
         let (old, new) = (self.scene.parts(), scene.parts());

@@ -1,4 +1,4 @@
-//! Where short edges lower the thickness that repulsions keep, known when a simulation starts.
+//! Garments in which short edges lower the thickness that repulsions keep, known when a simulation starts.
 
 use crate::effects::registry::PlannedEffect;
 use crate::effects::self_repulsion;
@@ -20,7 +20,7 @@ pub struct LoweredThickness {
 }
 
 impl LoweredThickness {
-    /// What is kept, in words.
+    /// Describes in words the thickness that is kept.
     pub fn kept(&self) -> String {
         let Self { asked, least, vertices: [lowered, all], .. } = self;
         let (asked, least) = (1e3 * asked, 1e3 * least);

@@ -97,7 +97,7 @@ pub struct StrainRecord {
     pub strain: f64,
 }
 
-/// How far a garment's edges are stretched at the end of a frame.
+/// Strains of a garment's edges at the end of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GarmentStrains {
     /// Name of the garment.
@@ -259,18 +259,18 @@ pub struct Simulation {
     plan: Vec<PlannedEffect>,
     /// Crossings of the state at the last frame.
     crossings: Vec<Crossing>,
-    /// What this rank had sent at the last frame.
+    /// Amount that this rank had sent at the last frame.
     sent: Sent,
     balance: Balance,
     retry: RetryState,
-    /// What is suspicious of how pins hold the cloth at the start; on rank 0.
+    /// Warnings about how pins hold the cloth at the start; on rank 0.
     warnings: Vec<String>,
     /// Garments that keep less than their thickness.
     lowered: Vec<LoweredThickness>,
-    /// What crosses at the start, and garments with edges that are far from their length at rest there.
+    /// Objects that cross at the start, and garments with edges that are far from their length at rest there.
     start_crossings: Vec<StartCrossings>,
     start_lengths: Vec<StartLengths>,
-    /// Who looks at the cloth after lines of the listings.
+    /// Observer of the cloth after lines of the listings.
     observer: Option<Observer>,
 }
 

@@ -6,7 +6,7 @@ use crate::mesh::PolygonMesh;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{EffectRequest, GarmentDescription, SceneDescription};
 
-/// What is wrong with a force.
+/// Error planted in a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Planted {
     /// Nothing: the control.

@@ -1,5 +1,6 @@
-//! What happens when a collision step goes wrong (`docs/dev/hard_cases.md#when-a-step-goes-wrong`): it is taken back to its
-//! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
+//! Recovery from a collision step that goes wrong (`docs/dev/hard_cases.md#when-a-step-goes-wrong`): the step is
+//! taken back to its collision-free state and tried again, each time more carefully, and every attempt is counted and
+//! named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
 //! next step or allows only a tiny one, where a solve has diverged or has not converged, where a stage has left pairs of layers unsettled, where collisions have
@@ -29,7 +30,7 @@ use crate::step::{Cloth, Dynamics, StepReport};
 /// Most halvings of the time step.
 const HALVINGS: u32 = 6;
 
-/// Of these, how many are tried where zones had to be stopped: shorter steps seldom help there, and are many.
+/// Limit on these halvings where zones had to be stopped: shorter steps seldom help there, and are many.
 const HALVINGS_FOR_ZONES: u32 = 2;
 
 /// The same where collisions have moved a vertex far, which is accepted then.
@@ -53,7 +54,7 @@ const MAX_STRAIN_PER_STEP_FACTOR: f64 = 5.0;
 /// that grow while steps shrink would bring the run to a standstill.
 const SHORTEST_NEXT_STEP: f64 = 1.0 / 4096.0;
 
-/// How much tighter solves become, and how many more iterations they get.
+/// Factors on the tolerance of tighter solves, and on their largest number of iterations.
 const TIGHTER: f64 = 0.01;
 const MORE_ITERATIONS: usize = 10;
 
@@ -66,7 +67,7 @@ const VERTEX_NAMES: &str = "names of vertices";
 /// Events of a frame that are kept with their names; all are counted.
 const KEPT: usize = 16;
 
-/// What went wrong.
+/// Kind of failure of a collision step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FailureKind {
     /// A number is not finite after this stage.
@@ -99,7 +100,7 @@ impl FailureKind {
     }
 }
 
-/// What is tried.
+/// Level that is tried against a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum RetryLevel {
     Shorter,
@@ -128,7 +129,7 @@ pub struct Recovery {
     pub frame: i64,
     /// Time of the collision-free state from which it is tried again [s].
     pub time: f64,
-    /// What went wrong.
+    /// Failure against which the level was taken.
     pub failure: &'static str,
     /// Name of the count of what was done about it.
     pub level: &'static str,
@@ -138,7 +139,7 @@ pub struct Recovery {
     pub vertices: Vec<u32>,
 }
 
-/// How carefully steps are made.
+/// Caution with which steps are made.
 #[derive(Debug, Default)]
 pub(super) struct RetryState {
     /// Halvings of the time step.
@@ -165,12 +166,12 @@ pub(super) struct RetryState {
     start: Option<State>,
     /// The accelerations there, which self-contact does not keep.
     pub(super) a_start: Vec<Vec3>,
-    /// What was done since the last frame.
+    /// Levels taken since the last frame.
     pub(super) events: Vec<Recovery>,
 }
 
 impl RetryState {
-    /// What has to be saved: halvings and calm collision steps.
+    /// Returns the numbers that have to be saved: halvings and calm collision steps.
     pub(super) fn saved(&self) -> [u64; 2] {
         [self.halvings.into(), self.calm.into()]
     }
@@ -255,7 +256,7 @@ impl RetryState {
 }
 
 impl Simulation {
-    /// What was done since the last frame about steps that went wrong.
+    /// Returns the levels taken since the last frame against steps that went wrong.
     pub fn recoveries(&self) -> &[Recovery] {
         &self.retry.events
     }
@@ -280,7 +281,7 @@ impl Simulation {
         limit.rate(&scene.description().solver, scene.parts(), forces, state, share)
     }
 
-    /// What is wrong with the state at the end of a collision step.
+    /// Finds the failure of the state at the end of a collision step, if there is one.
     pub(super) fn find_failure(&mut self, ending: Ending) -> Option<FailureKind> {
         self.limit.forget_rate();
         if ending == Ending::Rewound {

@@ -1,4 +1,4 @@
-//! What has to hold before a simulation starts.
+//! Conditions that have to hold before a simulation starts.
 
 use crate::Vec3;
 use crate::contact::bodies::{Bodies, Samples};

@@ -1,5 +1,5 @@
-//! What is suspicious of where the cloth starts, known when a simulation starts: what crosses there, and edges that are far from
-//! their length at rest.
+//! Suspicious conditions of the cloth at the start, known when a simulation starts: crossings there, and edges that
+//! are far from their length at rest.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ pub struct StartCrossings {
     pub pairs: u64,
     /// The vertices of one of these edges, each by its number in its object.
     pub edge: [u32; 2],
-    /// Those of the triangle.
+    /// Vertices of the triangle, each by its number in its object.
     pub triangle: [u32; 3],
 }
 

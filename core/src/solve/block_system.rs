@@ -1,4 +1,4 @@
-//! What an implicit step solves.
+//! System that an implicit step solves.
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;

@@ -22,13 +22,13 @@ pub trait System: Sync {
     fn project(&self, part: usize, r: &mut [Vec3]);
 }
 
-/// Which parts are worked on.
+/// Selection of the parts that are worked on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reach {
     All,
-    /// Those that need no vertex of another rank.
+    /// Parts that need no vertex of another rank.
     Inside,
-    /// Those that do.
+    /// Parts that need a vertex of another rank.
     Border,
 }
 
@@ -61,7 +61,7 @@ pub struct Stop {
     pub max_iterations: usize,
 }
 
-/// How a solve ended.
+/// Outcome of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
     /// Systems that were solved: one, or one for each round of a stage.
@@ -77,11 +77,11 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// That of no solve at all.
+    /// Outcome if nothing was solved.
     pub const NONE: Self = Self { solves: 0, iterations: 0, converged: true, finite: true, worse: false };
 }
 
-/// How many times its first residual a solve that has not converged may end with.
+/// Cap on the final residual of a solve that has not converged, as a multiple of its first residual.
 pub(super) const BREAKDOWN: f64 = 10.0;
 
 impl ConjugateGradient {

@@ -19,11 +19,11 @@ pub(super) struct Constraints {
 struct Constrained {
     /// Counted from the part's first.
     vertex: usize,
-    /// What becomes of the unit vectors.
+    /// Projections of the unit vectors.
     columns: [Vec3; 3],
 }
 
-/// What becomes of the unit vectors of a free vertex.
+/// Projections of the unit vectors at a free vertex.
 pub(super) const FREE: [Vec3; 3] = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
 
 /// The projections of a rank's local vertices.

@@ -47,7 +47,7 @@ struct Assembly<'a> {
     rows: &'a mut PartBlocks,
 }
 
-/// Where forces are evaluated.
+/// Inputs of a force evaluation.
 #[derive(Clone, Copy)]
 pub(crate) struct ForceEvaluation<'a> {
     /// The split of the vertices.
@@ -62,7 +62,7 @@ pub(crate) struct ForceEvaluation<'a> {
     pub v: &'a [Vec3],
     /// Fraction of the step that they belong to.
     pub fraction: f64,
-    /// What forces see beside them.
+    /// Inputs of the forces in addition to positions and velocities.
     pub context: ForceContext<'a>,
 }
 

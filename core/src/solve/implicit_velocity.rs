@@ -15,13 +15,13 @@ use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System}
 /// Forces of every part, in the order of the registry.
 pub type PartForces = Vec<Vec<Box<dyn Force>>>;
 
-/// What the solve acts on.
+/// Inputs of the solve.
 pub struct VelocityProblem<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// What forces see beside the positions.
+    /// Inputs of the forces in addition to the positions.
     pub context: ForceContext<'a>,
     /// Hard pins, if there are any.
     pub pins: Option<&'a HardPins>,
@@ -33,7 +33,7 @@ pub struct VelocityProblem<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step that these positions belong to.
     pub fraction: f64,
-    /// Which own parts need vertices of other ranks.
+    /// Flag for each own part: whether it needs vertices of other ranks.
     pub reaches_ghosts: &'a [bool],
     /// When to stop iterating.
     pub stop: Stop,

@@ -1,5 +1,5 @@
-//! What pairs in touch add to the matrix of a long step: for each pair a block T on the relative velocity of its two sides,
-//! `A += wᵀ T w` with the weights w of its four nodes (`docs/theory/linear_solver.md#pairs-in-touch`).
+//! Terms that pairs in touch add to the matrix of a long step: for each pair a block T on the relative velocity of
+//! its two sides, `A += wᵀ T w` with the weights w of its four nodes (`docs/theory/linear_solver.md#pairs-in-touch`).
 //!
 //! They come and go from step to step and join vertices that no element joins, so they are not in the matrix of blocks. Their
 //! product has two passes: T of the relative velocity, pair by pair, and what each vertex has of its pairs, in the order of
@@ -43,7 +43,7 @@ struct Incidence {
 #[derive(Debug, Default)]
 pub(crate) struct PairTerms {
     terms: Vec<PairTerm>,
-    /// By vertex, and of each by pair.
+    /// Incidences sorted by vertex and, within each vertex, by pair.
     incidences: Vec<Incidence>,
     /// First incidence of each part, and the number of all at the end.
     rows: Vec<usize>,
@@ -57,12 +57,12 @@ pub(crate) struct PairTerms {
     values: Vec<Simd4>,
 }
 
-/// What coarse levels have to know of nodes of contact.
+/// Data on the nodes of contact that the coarse levels need.
 #[derive(Debug, Default)]
 pub(super) struct NodesAround {
     /// Node of the first coarse level of each node of cloth.
     aggregates: Vec<u32>,
-    /// What becomes of the unit vectors.
+    /// Projections of the unit vectors at each node of cloth.
     projections: Vec<[Vec3; 3]>,
 }
 
@@ -162,7 +162,7 @@ impl PairTerms {
         });
     }
 
-    /// What the last product has of each pair [N s]: T of its relative velocity.
+    /// Returns T of the relative velocity of each pair in the last product [N s].
     pub(crate) fn products(&self) -> &[Simd4] {
         &self.products
     }

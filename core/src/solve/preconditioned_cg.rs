@@ -22,8 +22,9 @@ use crate::solve::constraints::Constraints;
 use crate::solve::multilevel::Multilevel;
 use crate::solve::pair_terms::PairTerms;
 
-/// How far the solves of Newton's method go: errors that the next step makes anyway are not worth iterations (S. C. Eisenstat,
-/// H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17, 1996, choice 2).
+/// Stopping rule of the solves of Newton's method: errors that the next step makes anyway are not worth iterations
+/// (S. C. Eisenstat, H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17,
+/// 1996, choice 2).
 #[derive(Debug)]
 pub(crate) struct Forcing {
     /// Squared norm of the error with which the solve before began [J].
@@ -38,8 +39,8 @@ impl Forcing {
         Self { before: None, far }
     }
 
-    /// Of the squared norm of the error, in the norm of the preconditioner, what this solve may leave. Where the steps before have
-    /// shown that forces are nearly linear it is small.
+    /// Returns the share of the squared norm of the error, in the norm of the preconditioner, that this solve may
+    /// leave. The share is small where the steps before have shown that forces are nearly linear.
     fn share(&mut self, error: f64) -> f64 {
         let left = self.before.replace(error).map_or(FORCING, |before| FORCING.min(0.9 * error / before));
         left * left
@@ -54,16 +55,16 @@ pub struct PreconditionedCg {
     /// All others.
     coarse: Multilevel,
     constraints: Constraints,
-    /// What pairs in touch add to A.
+    /// Terms that pairs in touch add to A.
     pairs: PairTerms,
-    /// Which own parts need vertices of other ranks.
+    /// Flag for each own part: whether it needs vertices of other ranks.
     reaches_ghosts: Vec<bool>,
     r: Vec<Simd4>,
     q: Vec<Simd4>,
-    /// Of the local vertices.
+    /// Search direction of the local vertices.
     s: Vec<Simd4>,
     d: Vec<Simd4>,
-    /// Of the own vertices [1/kg]; zero where there is no mass.
+    /// Inverse masses of the own vertices [1/kg]; zero where there is no mass.
     inverse_masses: Vec<f64>,
     dots: Vec<f64>,
     residuals: Vec<f64>,

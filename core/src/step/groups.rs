@@ -1,4 +1,4 @@
-//! What a time step works with, in groups: the cloth, what acts on it, what is prescribed, and what it touches.
+//! Data of a time step, in groups: the cloth, the forces and filters that act on it, prescribed motion, and contacts.
 
 use rayon::prelude::*;
 
@@ -29,7 +29,7 @@ pub(crate) struct Cloth {
 }
 
 impl Cloth {
-    /// What there is of the paper's quantities after a line of a step.
+    /// Returns the paper's quantities that exist after a line of a step.
     pub(super) fn quantities(&self, line: &str) -> Vec<Quantity<'_>> {
         let Self { state: State { x, v, .. }, scratch: Scratch { v_half, v_star, x_new, .. } } = self;
         let of = |name, values| Quantity { name, values };
@@ -45,13 +45,13 @@ impl Cloth {
     }
 }
 
-/// What acts on the cloth.
+/// Forces and velocity filters that act on the cloth.
 pub(crate) struct Dynamics {
     /// Forces of every part.
     pub forces: PartForces,
-    /// Which own parts need vertices of other ranks.
+    /// Marks of the own parts that need vertices of other ranks.
     pub reaches_ghosts: Vec<bool>,
-    /// What changes velocities between the solves.
+    /// Filters that change velocities between the solves.
     pub filters: Vec<Box<dyn VelocityFilter>>,
     /// Volumes that forces look at.
     pub volumes: Volumes,
@@ -67,7 +67,7 @@ pub(crate) struct Prescribed {
     pub tracks: Vec<Samples>,
     /// Hard pins, if the scene has any.
     pub pins: Option<HardPins>,
-    /// Where pinned vertices have to be.
+    /// Required positions of pinned vertices.
     pub targets: PinTargets,
     /// Inverse masses as hard pins leave them in the present step.
     pub mobility: Mobility,
@@ -84,7 +84,7 @@ impl Prescribed {
     }
 }
 
-/// What the cloth touches.
+/// Contacts of the cloth.
 pub(crate) struct Contacts {
     /// Bodies, if the scene has any.
     pub bodies: Option<BodyCollision>,

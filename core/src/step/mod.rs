@@ -44,28 +44,28 @@ pub(crate) struct Step<'a> {
     pub masses: &'a [f64],
     /// The cloth, which it moves.
     pub cloth: &'a mut Cloth,
-    /// What acts on it.
+    /// Forces and velocity filters that act on the cloth.
     pub dynamics: &'a mut Dynamics,
     /// Whose motion is given.
     pub prescribed: &'a mut Prescribed,
-    /// What the cloth touches.
+    /// Contacts of the cloth.
     pub contacts: &'a mut Contacts,
     /// Seconds and counts.
     pub metrics: &'a mut Metrics,
-    /// Who looks at the cloth after lines, in the scene that they belong to; `None` if nobody does.
+    /// Observer that looks at the cloth after lines, in the scene that they belong to; `None` if nobody does.
     pub observer: Option<(&'a mut Observer, &'a Scene)>,
-    /// How it is made.
+    /// Settings of the step.
     pub settings: StepSettings<'a>,
-    /// What it has come to so far.
+    /// Report of the step so far.
     pub report: StepReport,
 }
 
-/// How a step is made.
+/// Settings of a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StepSettings<'a> {
     /// Its length [s].
     pub dt: f64,
-    /// How far vertices that are behind their pins, or too deep in bodies, are put right.
+    /// Distance by which vertices that are behind their pins, or too deep in bodies, are put right.
     pub recovery_speed: RecoverySpeed,
     /// Mean edge of the cloth [m].
     pub mean_edge: f64,
@@ -79,7 +79,7 @@ pub(crate) struct StepSettings<'a> {
     pub retries: bool,
 }
 
-/// What a step reports.
+/// Report of a step.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct StepReport {
     /// Iterations of all solves.
@@ -99,11 +99,11 @@ pub(crate) struct StepReport {
 /// A line of the listing: its label in the paper, and what it does to a step.
 pub(crate) type Line<'a> = (&'static str, fn(&mut Step<'a>));
 
-/// Which vertices B.7 concerns.
+/// Vertices that B.7 concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ContactSubset {
     ByAnything,
-    /// Those alone that B.8 has pressed against bodies.
+    /// Only vertices that B.8 has pressed against bodies.
     ByRepulsion,
 }
 

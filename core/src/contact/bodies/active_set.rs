@@ -23,7 +23,7 @@ use crate::long_steps::WRONG;
 use crate::parallel::parts::Parts;
 use crate::tolerances::{NO_DIRECTION, PINCH_DRAG, STANDARD_GRAVITY};
 
-/// What a vertex does on the bodies that it touches.
+/// Behaviour of a vertex on the bodies that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ContactMode {
     /// It goes with the body.
@@ -45,7 +45,7 @@ pub(crate) struct ActiveContact {
     pub vertex: usize,
     /// Unit normals of the bodies, outwards; the second may be missing.
     pub normals: [Option<Vec3>; MAX_BODY_CONTACTS],
-    /// How far the body carries the vertex in the step [m].
+    /// Displacement by which the body carries the vertex in the step [m].
     pub carried: Vec3,
     /// Displacement along the normals, besides `carried`, that brings it onto the body at the end of the step [m].
     closing: Vec3,
@@ -57,12 +57,12 @@ pub(crate) struct ActiveContact {
     pub friction: f64,
     /// Velocity along the body at the start of the step, relative to it [m/s].
     slip: Vec3,
-    /// What it does.
+    /// Mode of the contact.
     pub mode: ContactMode,
     /// Friction that the present solve was given, and what the body gave the vertex before it [N s].
     applied: Vec3,
     earlier: Vec3,
-    /// By how much the velocity was changed when the mode was last found to be wrong because of it [m/s], until that is judged.
+    /// Change of the velocity when the mode was last found to be wrong because of it [m/s], until that is judged.
     turned: Option<Vec3>,
 }
 
@@ -179,8 +179,8 @@ impl ActiveContact {
         (self.velocity - self.carried / dt) * (2.0 / dt)
     }
 
-    /// What the body, moving with `body` [m/s], makes of a velocity at the start of a step: the vertex does not approach, and
-    /// what sticks does not slip.
+    /// Returns the velocity `v` at the start of a step as corrected by the body, which moves with `body` [m/s]: the
+    /// vertex does not approach, and a vertex that sticks does not slip.
     pub(crate) fn start_velocity(&self, v: Vec3, body: &Vec3) -> Vec3 {
         let mut relative = v - body;
         match self.mode {
@@ -294,10 +294,10 @@ impl ActiveContact {
     }
 }
 
-/// How far the reactions of a solve are trusted.
+/// Accuracy to which the reactions of a solve are trusted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Trust<'a> {
-    /// What the solve may have left at a vertex, over its mass [m/s], as far as modes stay as they are.
+    /// Residual that the solve may have left at a vertex, over its mass [m/s], as far as modes stay as they are.
     pub tolerance: f64,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
@@ -349,7 +349,7 @@ pub(crate) struct StageDrag<'a> {
     pub masses: &'a [f64],
 }
 
-/// What a vertex in contact has left, minus the reaction of its body [N s].
+/// Residual of a vertex in contact: minus the reaction of its body [N s].
 ///
 /// Pairs of a guess overlap by what the next solve takes back, and press the vertex up to a hundred times as hard as in the end. Those of the
 /// solve before are as wrong where that has not come to its end. Friction of the smaller push throws no vertex sideways.
@@ -360,12 +360,12 @@ struct Residual {
     solved: Vec3,
 }
 
-/// What the reaction of a contact says of it.
+/// Assessment of a contact by its reaction.
 struct Judgement {
     mode: ContactMode,
     /// Friction [N s].
     applied: Vec3,
-    /// By how much the reaction is none that the body can give, and its size, both squared.
+    /// Difference of the reaction from one that the body can give, and size of the reaction, both squared.
     difference: f64,
     size: f64,
 }

@@ -30,7 +30,7 @@ use crate::tolerances::PINCH_DRAG;
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
 
-/// How far deforming bodies are; not there without such bodies.
+/// Identifier of the saved section with the distances of deforming bodies, which is absent without such bodies.
 pub(crate) const SECTION: SectionId = SectionId { name: "body_collision", version: 1 };
 
 /// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
@@ -58,7 +58,7 @@ pub(crate) struct VertexContact {
     pinching: Option<Vec3>,
 }
 
-/// What is remembered of a surface body near a vertex, to save searches, and to know how deep it was before.
+/// Memory of a surface body near a vertex: it saves searches, and tells how deep the vertex was before.
 #[derive(Debug, Clone, Copy)]
 struct ClosestCache {
     /// The vertex is at least this far from contact's reference surface [m]; negative inside.
@@ -80,7 +80,7 @@ struct Counts {
 #[derive(Debug)]
 pub struct BodyCollision {
     contacts: Vec<VertexContact>,
-    /// Which of the contacts hold something.
+    /// Marks on the contacts that hold something.
     marks: Vec<Marks>,
     /// Surface bodies of each vertex, vertex by vertex.
     memory: Vec<ClosestCache>,
@@ -105,7 +105,7 @@ pub struct CollisionStep<'a> {
     pub bodies: &'a Bodies,
     /// Length of the step [s].
     pub dt: f64,
-    /// How far cloth that is too deep comes out in it.
+    /// Limit on the distance by which cloth that is too deep comes out in the step.
     pub recovery_speed: RecoverySpeed,
     /// Positions at its start [m].
     pub x: &'a [Vec3],
@@ -176,7 +176,7 @@ impl BodyCollision {
         self.pinched
     }
 
-    /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
+    /// Returns the memory of deforming bodies near each vertex; `None` without such bodies.
     pub(crate) fn save(&self) -> Option<SavedSection> {
         let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
         let field = Field::vertices(self.surfaces, clearances);
@@ -325,13 +325,13 @@ impl VertexContact {
 /// Bodies of which something is kept while one vertex is worked on.
 const CACHED: usize = 4;
 
-/// What is known of a body and one vertex, to ask no question twice.
+/// Answers kept for a body and one vertex, so that no query is made twice.
 #[derive(Clone, Copy)]
 struct QueryCache {
     body: usize,
-    /// Of a rigid body: way that the vertex can go in this step without the body having to do with it [m].
+    /// Distance that the vertex can move in this step without a contact or a hold of the body [m]; for rigid bodies.
     room: f64,
-    /// Of a rigid body: its distance at the start of the step [m].
+    /// Distance of the body at the start of the step [m]; for rigid bodies.
     at_start: Option<f64>,
     /// The last place asked for, and the answer.
     answer: Option<(Vec3, Option<BodyPoint>)>,
@@ -419,7 +419,7 @@ impl Search<'_> {
         self.own_way + self.step.bodies.fastest(body) * self.step.dt
     }
 
-    /// How far to search for a surface [m]; none where the vertex cannot touch it in this step.
+    /// Returns the radius of the search for a surface [m]; `None` where the vertex cannot touch it in this step.
     fn reach(&self, body: usize, slot: usize) -> Option<f64> {
         let (offset, displacement) = (self.step.bodies.list()[body].offset, self.relative_displacement(body));
         let clearance = self.memory[slot].clearance;
@@ -427,7 +427,7 @@ impl Search<'_> {
         (clearance <= offset + 2.0 * displacement).then_some(reach)
     }
 
-    /// What is known of a body; `x` is where the vertex was at the start of the step.
+    /// Returns the kept answers for a body; `x` is the position of the vertex at the start of the step.
     fn known(&mut self, body: usize, x: &Vec3) -> &mut QueryCache {
         let known = &mut self.known[body % CACHED];
         if known.body != body {
@@ -491,7 +491,7 @@ impl Search<'_> {
         }
     }
 
-    /// Where a vertex that goes from `x` to `to` touches a body, if it does.
+    /// Finds the place where a vertex that goes from `x` to `to` touches a body, if it does.
     fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
         if self.is_far(body, x, to) {
             return None;

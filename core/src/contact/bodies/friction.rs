@@ -14,7 +14,7 @@ use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Body, BodyPoint};
 use crate::tolerances::NO_DIRECTION;
 
-/// What a contact makes of a vertex.
+/// Correction of a vertex by a contact.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Response {
     /// Corrected position [m].
@@ -39,7 +39,7 @@ pub(crate) fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, fric
     if stopped == 0.0 { *velocity } else { body_velocity + normal * approach.max(0.0) + tangential * kept }
 }
 
-/// Where a vertex comes too close to a body.
+/// Place where a vertex comes too close to a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfaceContact<'a> {
     /// The body.
@@ -50,7 +50,7 @@ pub(crate) struct SurfaceContact<'a> {
     pub friction: f64,
 }
 
-/// How a vertex moves in a step.
+/// Motion of a vertex in a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct VertexMotion<'a> {
     /// Position at the start [m].

@@ -39,14 +39,14 @@ pub struct BodyPoint {
     pub normal: Vec3,
     /// Velocity of the material point below the vertex at the end of the step [m/s].
     pub velocity: Vec3,
-    /// How far the body would have carried the vertex from where it was at the start of the step [m]: the displacement of the
-    /// body's material, which is the frame in which the vertex sticks or slides.
+    /// Displacement by which the body would have carried the vertex from its position at the start of the step [m]:
+    /// the displacement of the body's material, which is the frame in which the vertex sticks or slides.
     pub displacement: Vec3,
     /// Triangle, for surfaces.
     pub triangle: u32,
 }
 
-/// What a rigid body cannot do to a vertex in a step.
+/// Bounds on the distance of a rigid body from a vertex and on the displacement that the body gives it in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Bounds {
     /// The vertex is at least this far from the body at the start of the step [m].
@@ -385,7 +385,8 @@ impl Rigid {
         self.poses[end].inverse_transform_point(&(*x).into()).coords
     }
 
-    /// What the material does at `local`, and with a vertex that was at `from`.
+    /// Returns the point of the body at `local`: the velocity of the material there, and the displacement that it
+    /// gives a vertex that was at `from`.
     fn point(&self, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
         let end = &self.poses[1];
         let arm = end.rotation * local;
@@ -402,7 +403,7 @@ impl Body {
         painted.map_or(self.friction, |[times, more]| times * self.friction + more)
     }
 
-    /// How much of a depth [m] cloth comes out in a step of `dt` [s].
+    /// Returns the part of a depth [m] by which cloth comes out in a step of `dt` [s].
     pub(crate) fn depenetration(&self, depth: f64, dt: f64, recovery_speed: RecoverySpeed) -> f64 {
         recovery_speed.of(depth).min(dt * self.max_push_speed)
     }

@@ -1,15 +1,15 @@
-//! How fast a vertex that is not where it has to be comes there: behind its pin, or too deep in a body.
+//! Speed at which a vertex that is behind its pin or too deep in a body comes to where it has to be.
 //!
 //! One that made up for all of it in one step would strike the cloth that it meets with the speed distance/dt, which has nothing
 //! to do with the motion and is the larger the shorter the step is: cloth struck so changes its length too fast, the step is
 //! halved, and the blow is twice as hard.
 
-/// How far vertices may be put right in a step.
+/// Limit on the correction of vertices in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecoverySpeed {
-    /// By this much in any case [m].
+    /// Correction that is allowed in any case [m].
     least: f64,
-    /// By this share of the distance, if that is more.
+    /// Share of the distance that is allowed as correction, if that is more.
     share: f64,
 }
 
@@ -19,7 +19,7 @@ impl RecoverySpeed {
         Self { least: dt * speed, share: dt / frame }
     }
 
-    /// How much of a distance is made up for [m].
+    /// Returns the part of a distance that is made up for [m].
     pub fn of(self, distance: f64) -> f64 {
         distance.min(self.least.max(self.share * distance))
     }

@@ -34,7 +34,7 @@ pub(crate) struct PairSearch {
     /// Triangles of higher ranks, for one search.
     pub(super) ghosts: Faces,
     pub(super) ghost_bvh: RefittedBvh,
-    /// What all nodes move alike on the paths searched last, which was taken out before [m].
+    /// Displacement common to all nodes on the paths searched last, taken out before the search [m].
     pub(super) shift: Vec3,
 }
 

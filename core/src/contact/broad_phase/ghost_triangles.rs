@@ -21,7 +21,7 @@ const SHOWN: usize = 64;
 pub(crate) struct GhostTriangle {
     /// Numbers of its corners in the scene.
     pub corners: [u32; 3],
-    /// What it carries ([`Faces::owned_features`]).
+    /// Features that it carries ([`Faces::owned_features`]).
     pub owned_features: u32,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct PlacedGhostTriangle {
     triangle: GhostTriangle,
     /// A bit for each corner that has moved.
     moved: u64,
-    /// Where its corners are [m].
+    /// Positions of its corners [m].
     x: [Vec3; 3],
 }
 
@@ -104,7 +104,7 @@ pub(crate) struct GhostTriangles {
     pub faces: Faces,
     /// Number of each node in the scene.
     pub numbers: Vec<u32>,
-    /// Where it is [m].
+    /// Position of each node [m].
     pub x: Vec<Vec3>,
     /// Whether it has moved.
     pub moved: Vec<bool>,

@@ -38,7 +38,7 @@ const CHUNK: usize = 4096;
 pub(crate) enum PairOrder {
     /// Nobody asks.
     Any,
-    /// By colours, no two pairs of which share a node, and by their nodes.
+    /// Order by colours, no two pairs of which share a node, and by the nodes of the pairs.
     Coloured,
 }
 
@@ -60,11 +60,11 @@ pub(crate) struct ProximityList {
     skin: f64,
     /// Pairs per vertex of the present list, on all ranks.
     density: f64,
-    /// What every node has moved since the list was made, at most, besides the common motion [m].
+    /// Upper bound on the displacement of each node since the list was made, besides the common motion [m].
     displacements: Vec<f64>,
     /// The common motion since the list was made, at both ends of the paths noted last.
     common: [RigidFit; 2],
-    /// What the paths between those two leave of every distance at least.
+    /// Least share of any distance that is left on the paths between these two motions.
     shortening: f64,
     order: PairOrder,
 }
@@ -109,7 +109,7 @@ impl ProximityList {
         &self.orders[kind as usize]
     }
 
-    /// What nodes may move until the list lacks pairs, as a share of their edges.
+    /// Returns the displacement of nodes beyond which the list lacks pairs, as a share of their edges.
     pub(crate) fn skin(&self) -> f64 {
         USABLE_SKIN * self.skin
     }
@@ -216,7 +216,7 @@ impl ProximityList {
         surface.ranks().max(largest.reduce(|| 0.0, f64::max)) / self.shortening
     }
 
-    /// How far all nodes have moved alike on the paths noted last [m].
+    /// Returns the displacement common to all nodes on the paths noted last [m].
     pub(crate) fn common_shift(&self) -> Vec3 {
         self.common[1].centre() - self.common[0].centre()
     }

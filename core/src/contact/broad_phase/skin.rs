@@ -1,4 +1,4 @@
-//! How far a proximity list reaches: far enough to last, but where layers lie close on each other no farther than pays.
+//! Reach of a proximity list: far enough to last, but where layers lie close on each other no farther than pays.
 //!
 //! In a heap the pairs of a list grow with the cube of its reach, and with them all that is done with it, so that a short list
 //! that is often made anew costs less than a long one that lasts.

@@ -28,7 +28,7 @@ use motion::Motion;
 use nearest::{Nearest, unit};
 use turning::{reach_across, reach_beside};
 
-/// Where and when two primitives come as close as the gap.
+/// Time and place at which two primitives come as close as the gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     /// Time in \[0, 1\], never later than the truth.

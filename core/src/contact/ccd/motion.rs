@@ -122,7 +122,7 @@ impl Motion {
         span
     }
 
-    /// How the point with these weights of the corners moves in a unit of time.
+    /// Returns the displacement in a unit of time of the point with these weights of the corners.
     pub(super) fn motion_of(&self, shares: &[f64; 4]) -> Vec3 {
         (0..4).map(|k| (self.end.corner(k) - self.start.corner(k)) * shares[k]).sum()
     }

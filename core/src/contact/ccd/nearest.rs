@@ -4,7 +4,7 @@
 use crate::Vec3;
 use crate::geometry::distance::{TriangleFeature, closest_on_segments, closest_on_triangle};
 
-/// What is closest, and directions to try.
+/// Closest point, and directions to try.
 pub(super) struct Nearest {
     /// Unit vector to the closest point; zero if the origin is that point.
     pub(super) direction: Vec3,

@@ -8,7 +8,7 @@ use crate::Vec3;
 use crate::contact::ccd::four::{Corners, Four};
 use crate::contact::ccd::motion::Motion;
 
-/// What a direction proves in an interval.
+/// Proof by a direction in an interval.
 struct Proof {
     /// Share of the interval for which the proof holds; 1 includes its end.
     share: f64,
@@ -55,7 +55,7 @@ fn reach(motion: &Motion, time: f64, until: f64, turning: impl Fn(&Corners, &Cor
     if reached < near && near < until { reached.max(proof(near).0) } else { reached }
 }
 
-/// What a direction with the control vectors `n` proves between the corners `x` and `y`.
+/// Returns the proof by a direction with the control vectors `n` between the corners `x` and `y`.
 #[inline(always)]
 fn prove(motion: &Motion, x: &Corners, y: &Corners, n: &[Vec3; 3]) -> Proof {
     let lengths = [n[0].norm(), n[1].norm(), n[2].norm()];

@@ -39,14 +39,14 @@ const HARD_SHARE: u64 = 5;
 /// Edge lengths per second at which pairs closer than the gap are opened [1/s].
 const OPENING_RATE: f64 = 1.0;
 
-/// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around
-/// it.
+/// Margin by which a node may come farther than on its path until pairs are looked for again, as a share of the edges
+/// around it.
 pub(crate) const MARGIN: f64 = 0.02;
 
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
-/// What the collisions work on.
+/// Surfaces and settings that the collisions work on.
 pub(crate) struct Collisions<'a> {
     /// The surfaces. Ghosts may come to those they have.
     pub surface: &'a mut ContactSurface,
@@ -58,11 +58,11 @@ pub(crate) struct Collisions<'a> {
     pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
     /// Whether what impulses do not resolve is given back for a shorter collision step.
     pub may_give_back: bool,
-    /// How hard it is tried.
+    /// Effort spent on the resolution.
     pub effort: Strategy,
 }
 
-/// How hard collisions are resolved: more than usual where that did not do.
+/// Effort spent on resolving collisions: more than usual where the usual effort did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Strategy {
     /// Some attempts with impulses, then zones.
@@ -75,7 +75,7 @@ pub(crate) enum Strategy {
 }
 
 impl Strategy {
-    /// What the attempt of this number is like, as a number of the usual ones.
+    /// Returns the number of the usual attempt that the attempt of this number is like.
     fn attempt(self, number: u32) -> u32 {
         match self {
             Self::Usual => number,
@@ -85,7 +85,7 @@ impl Strategy {
     }
 }
 
-/// What was done; all but the vertices is the same on all ranks.
+/// Outcome of the collision loop; all but the vertices is the same on all ranks.
 #[derive(Debug, Default)]
 pub(crate) struct LoopOutcome {
     /// Own cloth vertices whose end was changed, ascending, by the local numbers that they have now.
@@ -286,7 +286,7 @@ pub(crate) fn holds_all(proximity: &ProximityList, used: f64) -> bool {
     used + MARGIN <= proximity.skin()
 }
 
-/// Where the pairs to look at come from.
+/// Source of the pairs to look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CandidateSource {
     /// The proximity list holds all that can meet.
@@ -309,7 +309,7 @@ impl CandidateSource {
 }
 
 impl Collisions<'_> {
-    /// What is to be said of a pair that meets.
+    /// Returns the [`Collision`] that describes a pair that meets.
     fn collision(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Collision {
         let (nodes, mobility) = (self.surface.nodes(), self.surface.mobility());
         // A gap opened at once would throw the vertices of a short interval.

@@ -22,7 +22,7 @@ const LARGE_ZONE: usize = 100;
 pub(crate) struct Collision {
     /// The pair, by the scene's numbers of its nodes.
     pub pair: Pair,
-    /// Which of its nodes can move.
+    /// Whether each of its nodes can move.
     pub moves: [bool; 4],
     /// Weights of the nodes in the relative displacement.
     pub weights: [f64; 4],
@@ -43,13 +43,13 @@ impl Collision {
         self.moves.contains(&false)
     }
 
-    /// What holds between the nodes, given by other numbers.
+    /// Returns the constraint between the nodes, given by other numbers.
     pub(crate) fn constraint(&self, nodes: [u32; 4]) -> Constraint {
         Constraint { nodes, weights: self.weights, normal: self.normal }
     }
 }
 
-/// How a node moves.
+/// Motion of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Motion {
     /// Position at the collision-free state [m].
@@ -60,7 +60,7 @@ pub(crate) struct Motion {
     pub mobility: Vec3,
 }
 
-/// What a zone does.
+/// Action of a zone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Action {
     /// Everything may slide, but nothing approach.
@@ -71,7 +71,7 @@ pub(crate) enum Action {
     Freeze,
 }
 
-/// What came out of it.
+/// Outcome of an action of a zone.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Solved {
     /// Displacement of each member [m].
@@ -107,7 +107,7 @@ impl Zone {
         members
     }
 
-    /// What the action does to the members, which move like this.
+    /// Applies the action to the members, which move like `motions`, and returns the outcome.
     pub(crate) fn solve(&self, action: Action, members: &[u32], motions: &[Motion]) -> Solved {
         let mut displacements: Vec<Vec3> = motions.iter().map(|motion| motion.displacement).collect();
         let (mut passes, mut contradicts) = (0, false);
@@ -172,13 +172,13 @@ impl Zone {
     }
 }
 
-/// What came out of solving the zone at a place.
+/// Solution of the zone at a place.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ZoneSolution {
     pub place: usize,
     pub action: Action,
     pub members: Vec<u32>,
-    /// Which members can move.
+    /// Whether each member can move.
     pub moves: Vec<bool>,
     pub solved: Solved,
 }

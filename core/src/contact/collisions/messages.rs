@@ -10,12 +10,12 @@ codec!(struct Collision { pair, moves, weights, normal, target });
 codec!(struct Motion { start, displacement, mobility });
 codec!(struct Zone { nodes, collisions, rigid, has_released_prescribed, contradicts });
 
-/// What a rank opens: it is sent to all ranks.
+/// Collisions and zones that a rank opens: they are sent to all ranks.
 #[derive(Default)]
 pub(super) struct Opened {
     pub(super) collisions: Vec<Collision>,
     pub(super) zones: Vec<Zone>,
-    /// How the nodes of these move, by their numbers in the scene.
+    /// Motions of the nodes of these, by their numbers in the scene.
     pub(super) motions: BTreeMap<u32, Motion>,
 }
 
@@ -31,12 +31,12 @@ pub(super) struct MovedNode {
 
 codec!(struct MovedNode { number, displacement });
 
-/// What came out of solving an open zone, of which all ranks know the members and what it did.
+/// Solution of an open zone, of which all ranks know the members and the action.
 pub(super) struct ZoneAnswer {
     /// Place of the zone among the open ones.
     pub(super) place: u32,
     contradicts: bool,
-    /// Which members can move.
+    /// Whether each member can move.
     moves: Vec<bool>,
     /// Displacement of each member since the collision-free state [m].
     displacements: Vec<Vec3>,
@@ -48,7 +48,7 @@ impl ZoneAnswer {
     /// The report of a broken one says.
     pub(super) const NAME: &str = "what came out of open zones";
 
-    /// What is sent of a solution.
+    /// Returns the part of a solution that is sent.
     pub(super) fn of(solution: ZoneSolution) -> Self {
         let ZoneSolution { place, moves, solved: Solved { displacements, contradicts, .. }, .. } = solution;
         Self { place: place as u32, contradicts, moves, displacements }

@@ -1,4 +1,4 @@
-//! Who answers the pairs that meet, and how: with impulses first, then in impact zones.
+//! Response to the pairs that meet, and the rank that gives it: impulses first, then impact zones.
 //!
 //! Pairs that hang together by nodes that can move are answered together, in the order of their nodes; others do not
 //! concern them. Where all of that belongs to one rank it is *closed* and stays there. The rest is *open*: all ranks
@@ -37,7 +37,7 @@ const RIGID_ATTEMPTS: u32 = 8;
 /// directions is driven through something.
 const LAST_ATTEMPT: u32 = RIGID_FROM + 2 * RIGID_ATTEMPTS + 50;
 
-/// Where the nodes of this rank are, and how they can move.
+/// Positions and mobilities of the nodes of this rank.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Kinematics<'a> {
     pub(super) nodes: &'a ContactNodes,
@@ -61,7 +61,7 @@ impl Kinematics<'_> {
     }
 }
 
-/// What was given up, and the zones so far, of one loop of collisions.
+/// Pairs given up, and zones so far, of one loop of collisions.
 #[derive(Debug, Default)]
 pub(super) struct Response {
     /// Pairs canonical here that are left alone, ascending.
@@ -70,9 +70,9 @@ pub(super) struct Response {
     closed: Zones,
     /// Zones that all ranks keep, alike.
     open: Zones,
-    /// How the nodes of open pairs and zones move, by their numbers in the scene; alike on all ranks.
+    /// Motions of the nodes of open pairs and zones, by their numbers in the scene; alike on all ranks.
     remote_motion: BTreeMap<u32, Motion>,
-    /// How often zones were made rigid, or stopped, here.
+    /// Numbers of times that zones were made rigid, and stopped, here.
     rigid: u64,
     stopped: u64,
     /// Nodes of stopped zones that were solved here.
@@ -341,7 +341,7 @@ impl<'a> Task<'a> {
         Self { zone, place, action, members, motions }
     }
 
-    /// What a zone does in an attempt, and its members.
+    /// Returns the action of a zone in an attempt, and the members of the zone.
     fn members(zone: &Zone, attempt: u32) -> (Action, Vec<u32>) {
         let action = match attempt {
             ..=RIGID_FROM if !zone.contradicts => Action::Inelastic,

@@ -1,4 +1,4 @@
-//! What hangs together: sets of nodes that share some.
+//! Connected components of sets of nodes, joined where they share some.
 
 /// Stands for sets without nodes.
 pub(crate) const NO_NODE: u32 = u32::MAX;

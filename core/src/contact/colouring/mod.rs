@@ -354,7 +354,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 }
 
-/// What the owner of a node tells those who have a copy of it.
+/// Message from the owner of a node to the ranks that have a copy of it.
 struct Announcement {
     /// The first undecided pair there.
     first: Key,
@@ -367,16 +367,16 @@ codec!(struct Announcement { first, used });
 /// The undecided pairs of each node, by their places in the order, ascending.
 struct WaitLists {
     places: Vec<u32>,
-    /// Where in `places` those of each node begin and end.
+    /// Range of the pairs of each node in `places`.
     ranges: Vec<Range<usize>>,
-    /// What has been taken out, by place.
+    /// Whether the pair at a place has been taken out.
     is_out: Vec<bool>,
-    /// How many are left.
+    /// Number of pairs that are left.
     count: usize,
 }
 
 impl WaitLists {
-    /// Those at these places, ascending.
+    /// Makes the lists of the pairs at these places, ascending.
     fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
         let mut ranges = vec![0..0; nodes];
         left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ranges[*node as usize].end += 1));

@@ -1,4 +1,5 @@
-//! What crosses now: edges of cloth that pass through triangles of cloth or of bodies, and edges of bodies through cloth.
+//! Current crossings: edges of cloth that pass through triangles of cloth or of bodies, and edges of bodies through
+//! cloth.
 //!
 //! Each crossing is found on one rank and sent to all, so every rank has the same list, in numbers of the scene. It is nearly
 //! always empty.

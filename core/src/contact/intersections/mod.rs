@@ -1,4 +1,4 @@
-//! What intersects although nothing should: found with exact arithmetic, left alone by contact, and pushed apart.
+//! Unwanted intersections: found with exact arithmetic, left alone by contact, and pushed apart.
 
 pub(crate) mod exact;
 pub(crate) mod untangle;

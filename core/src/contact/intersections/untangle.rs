@@ -1,12 +1,12 @@
 //! Getting out of crossings that were there at the start, or that a body has pinched into the cloth: the edge and the
 //! triangle that cross are pushed, gently, the way that shortens the line along which the surfaces meet.
 //!
-//! Which side cloth belongs on cannot be told where it crosses; which way the line of intersection gets shorter can (P.
-//! Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour minimization", SIGGRAPH
-//! 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit directions of the line of
-//! intersection from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses
-//! by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N). A line that ends at a border is drawn
-//! out along itself (`contours`).
+//! The side that cloth belongs on cannot be told where it crosses; the direction that shortens the line of
+//! intersection can (P. Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour
+//! minimization", SIGGRAPH 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit
+//! directions of the line of intersection from the edge into the triangles that have it, a shift d of the edge moves
+//! the point where it crosses by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N). A
+//! line that ends at a border is drawn out along itself (`contours`).
 
 mod contours;
 
@@ -86,7 +86,7 @@ struct Edge {
     corners: Vec<(u32, Vec3)>,
 }
 
-/// What is known of the crossings, by the scene's numbers of the nodes; alike on all ranks.
+/// Data on the crossings, by the scene's numbers of the nodes; alike on all ranks.
 struct Known {
     points: BTreeMap<u32, Point>,
     edges: BTreeMap<[u32; 2], Edge>,
@@ -113,7 +113,7 @@ impl Known {
         known
     }
 
-    /// What this rank tells.
+    /// Returns the data that this rank contributes.
     fn of_own(
         surface: &ContactSurface,
         crossings: &[Crossing],
@@ -149,7 +149,7 @@ impl Known {
     }
 }
 
-/// Where an edge crosses a triangle.
+/// Crossing point of an edge and a triangle.
 struct Place {
     nodes: [u32; 5],
     /// Weights of the relative displacement: of the edge at the point where it crosses, less that of the triangle.
@@ -210,7 +210,7 @@ impl Place {
     }
 }
 
-/// Where and how one crossing is pushed.
+/// Place and direction of the push on one crossing.
 struct Push {
     nodes: [u32; 5],
     /// As of its place.

@@ -55,8 +55,8 @@ pub(super) struct ActivePair {
 }
 
 impl ActivePair {
-    /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
-    /// not give way.
+    /// Returns the factor on the normal impulse of a free pair that is needed where nodes that move with `v` [m/s]
+    /// lie on bodies, which do not give way.
     pub(super) fn stiffer_on_bodies(&self, constraints: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
         // Of each side: nodes with positive weight are pushed along the normal, the others against it.
         let mut firm = [0.0; 2];

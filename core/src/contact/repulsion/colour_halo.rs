@@ -1,5 +1,5 @@
-//! What ranks tell each other during the sweeps: after each colour, the velocities of nodes that somebody has a copy
-//! of, in a pair that he does not hold.
+//! Messages between ranks during the sweeps: after each colour, the velocities of nodes of which another rank has a
+//! copy, in a pair that this other rank does not hold.
 //!
 //! Both sides know beforehand what is sent after which colour, for the pairs that are active: a colour that changes
 //! nothing of this kind takes no message. The
@@ -16,7 +16,7 @@ use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::message::{self, codec};
 use crate::parallel::ranks::Ranks;
 
-/// What is sent when.
+/// Schedule of the velocity exchanges.
 #[derive(Debug, Default)]
 pub(super) struct HaloPerColour {
     /// Before the first sweep: all ghosts of active pairs.
@@ -28,7 +28,7 @@ pub(super) struct HaloPerColour {
 /// Velocities sent at one time; local nodes.
 #[derive(Debug, Clone, Default)]
 struct HaloExchange {
-    /// How many active pairs of the colour change what is sent; they stand first.
+    /// Number of active pairs of the colour that change the velocities sent; they stand first.
     ahead: usize,
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Vec<u32>)>,
@@ -138,7 +138,7 @@ impl HaloExchange {
     }
 }
 
-/// Which of the nodes that it has copies of each rank has in active pairs: their places in the list of what is sent to
+/// Finds the nodes that each rank has copies of and has in active pairs: their places in the list of nodes sent to
 /// it, rank by rank as in the halo; and the round that gives all of them.
 fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, HaloExchange) {
     let halo = nodes.halo();
@@ -192,7 +192,7 @@ fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> 
     near
 }
 
-/// Which of the nodes that a rank has copies of change in the pairs of a colour.
+/// Nodes that a rank has copies of and that change in the pairs of a colour.
 struct Announced {
     kind: PairKind,
     colour: u32,
@@ -207,7 +207,8 @@ impl Announced {
     const NAME: &str = "places of active pairs";
 }
 
-/// What is sent to the rank `to`, which has copies of the nodes in `list`: those that it wants, in pairs that it does not hold.
+/// Lists the nodes sent to the rank `to`, which has copies of the nodes in `list`: the nodes that it wants, in pairs
+/// that it does not hold.
 fn announced_pairs(nodes: &ContactNodes, near: &[NearPair], to: usize, list: &[u32], wanted: &[u32]) -> Vec<Announced> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());

@@ -53,7 +53,7 @@ pub(crate) struct Laws {
     pub edge_attraction: f64,
 }
 
-/// Which passes run.
+/// Passes that run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Passes {
     /// Inelastic and elastic, with friction: B.2.
@@ -62,7 +62,7 @@ pub(crate) enum Passes {
     WithoutSprings,
 }
 
-/// What the sweeps act on; arrays over this rank's nodes of cloth, ghosts included.
+/// Input of the sweeps; arrays over this rank's nodes of cloth, ghosts included.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RepulsionStep<'a> {
     /// The numbering of the nodes.
@@ -73,7 +73,7 @@ pub(crate) struct RepulsionStep<'a> {
     pub x: &'a [Vec3],
     /// Inverse masses, zero where a vertex is held [1/kg].
     pub mobility: &'a [f64],
-    /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    /// Factor on the friction of the laws, and addend to it; `None` if friction is nowhere painted.
     pub friction: Option<&'a [[f64; 2]]>,
     /// Bodies that the nodes lie on; `None` where repulsion does not care.
     pub constraints: Option<&'a [BodyConstraints]>,
@@ -96,12 +96,12 @@ pub(crate) struct Repulsions {
     laws: Laws,
     kinds: [PairsOfKind; 2],
     velocities: AtomicVectors,
-    /// What bodies bear, as changes of velocities; only with supports.
+    /// Load that bodies bear, as changes of velocities; only with supports.
     loads: AtomicVectors,
     /// Nodes of active pairs.
     nodes: Vec<u32>,
     seen: Vec<bool>,
-    /// What ranks tell each other during a pass.
+    /// Messages between ranks during a pass.
     halo_per_colour: HaloPerColour,
     /// Active pairs canonical here, and those of them that have passed through each other.
     active: u64,
@@ -174,8 +174,8 @@ impl Repulsions {
     }
 
     /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs.
-    /// Those of ghosts may be anything before, and are of no use after. With supports, velocities point into bodies afterwards
-    /// by what these have to bear. All ranks call it together.
+    /// Velocities of ghosts may have any value before, and are of no use after. With supports, velocities point into
+    /// bodies afterwards by what these have to bear. All ranks call it together.
     pub(crate) fn apply(&mut self, passes: Passes, at: &RepulsionStep<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
         if !self.fresh {
             self.refresh(at);
@@ -425,7 +425,7 @@ impl Laws {
         self.limit / dt * (t.thickness - t.distance)
     }
 
-    /// What the repulsion spring adds to the relative velocity in a step [m/s].
+    /// Returns the change of the relative velocity by the repulsion spring in a step [m/s].
     fn spring(&self, t: &ActivePair, dt: f64) -> f64 {
         dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
     }

@@ -28,7 +28,7 @@ const SOFTEST_EDGES: f64 = SHARED_END * SHARED_END;
 /// Newton steps for the overlap of a push. From the right they halve what is left at worst, and a tangent anywhere near will do.
 const OVERLAP_STEPS: usize = 12;
 
-/// Where the nodes of contact are at a stage, and how fast.
+/// Positions and velocities of the nodes of contact at a stage.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PairStage<'a> {
     /// The surfaces.
@@ -90,7 +90,7 @@ impl UnrepelledMotion {
     }
 }
 
-/// What a pair in touch does to its nodes: node i is pushed by `weights[i]` times the force.
+/// Force of a pair in touch on its nodes: node i is pushed by `weights[i]` times the force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PairForce {
     /// The pair, by the scene's numbers.
@@ -109,7 +109,7 @@ pub(crate) struct PairForce {
     pub force: Vec3,
     /// Its component along the normal [N], negative where the solve pulled at it.
     pub push: f64,
-    /// What is remembered of it within a step.
+    /// History of the pair within a step.
     pub history: PairHistory,
     /// Minus its derivative by the distance along the normal [N/m].
     pub stiffness: f64,
@@ -119,26 +119,27 @@ pub(crate) struct PairForce {
     pub last_change: f64,
 }
 
-/// What a pair in touch remembers within a step, from one evaluation to the next.
+/// History of a pair in touch within a step, kept from one evaluation to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PairHistory {
     /// Push at the two evaluations before, the later first, after the solve where one followed; nothing where it was not in touch [N].
     pushes: [f64; 2],
-    /// How fast its sides slid on each other when it was first evaluated in this step [m/s].
+    /// Speed at which its sides slid on each other when it was first evaluated in this step [m/s].
     first_slip: Option<f64>,
 }
 
 impl PairHistory {
-    /// That of a pair which was not in touch.
+    /// History of a pair that was not in touch.
     pub(crate) const NONE: Self = Self { pushes: [0.0; 2], first_slip: None };
 
-    /// What comes after an evaluation and its solve.
+    /// Returns the history after an evaluation and its solve.
     fn after(before: &PairForce) -> Self {
         Self { pushes: [before.push, before.history.pushes[0]], first_slip: before.history.first_slip }
     }
 
-    /// What friction may count on [N]. A guess overlaps by what its solve takes back and would rub a hundred times as hard as the pair
-    /// bears in the end; one that only some solves press together bears nothing for good.
+    /// Returns the push that friction may count on [N]. A guess overlaps by what its solve takes back and would rub a
+    /// hundred times as hard as the pair bears in the end; one that only some solves press together bears nothing for
+    /// good.
     fn load(&self) -> f64 {
         self.pushes[0].min(self.pushes[1]).max(0.0)
     }
@@ -218,7 +219,8 @@ impl PairSpring {
         (push + stiffness * (y - inside), stiffness)
     }
 
-    /// Where the push is `push` [N], no farther than `most` [m]: Newton's method on a convex function, from its right.
+    /// Returns the overlap at which the push is `push` [N], at most `most` [m]: Newton's method on a convex function,
+    /// from its right.
     fn overlap_of(&self, push: f64, most: f64) -> f64 {
         let mut y = most;
         for _ in 0..OVERLAP_STEPS {
@@ -282,8 +284,9 @@ impl OrientedPair {
 
     /// Factor of the spring of two edges that touch near their ends or are nearly parallel; 1 for a point and a triangle.
     ///
-    /// Where a vertex lies on an edge, or on a vertex, all the edges that meet there touch, and they share the spring of one pair. Closest
-    /// points of parallel edges jump from end to end (mollifier of M. Li et al., "Incremental Potential Contact", 2020).
+    /// All edges that meet at a vertex which lies on an edge, or on a vertex, touch there, and they share the spring
+    /// of one pair. Closest points of parallel edges jump from end to end (mollifier of M. Li et al., "Incremental
+    /// Potential Contact", 2020).
     fn mollifier(&self, x: &[Vec3], weights: [f64; 4]) -> f64 {
         if self.pair.kind == PairKind::PointTriangle {
             return 1.0;

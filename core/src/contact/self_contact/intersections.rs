@@ -1,4 +1,4 @@
-//! What crosses: after C, at frames, and as caches will store it.
+//! Crossings: after C, at frames, and of the state as caches will store it.
 
 use rayon::prelude::*;
 

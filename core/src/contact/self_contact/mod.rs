@@ -2,7 +2,7 @@
 //!
 //! A collision step goes from one collision-free state to the next: A remembers the state and the sides of all pairs that
 //! are close, K time steps follow with repulsions in B.2 and B.8 or in their solves, and C stops what would pass through something on the way.
-//! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
+//! The state is put back to A and K is halved where C does not come to an end with impulses alone and K is above one.
 
 mod intersections;
 mod per_time_step;
@@ -30,7 +30,7 @@ use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
 
-/// What both halves of self-contact remember.
+/// Section with the memory of both halves of self-contact.
 pub(crate) const SECTION: SectionId = SectionId { name: "self_contact", version: 1 };
 
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
@@ -40,7 +40,7 @@ const STEP_COUNTS: [&str; 5] =
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LARGEST_DISPLACEMENT: f64 = 0.5;
 
-/// What may go wrong with foreseeing motion from the last collision step.
+/// Safety factor on the motion foreseen from the last collision step.
 const FORESIGHT: f64 = 1.3;
 
 /// Settings of geometric collisions.
@@ -96,7 +96,7 @@ pub(crate) struct SelfContact {
     displacement_rate: f64,
     /// Longest way since the list was made, at the last collision-free state.
     skin_used: f64,
-    /// How hard the collisions of this collision step are resolved.
+    /// Strategy by which the collisions of this collision step are resolved.
     effort: Strategy,
     /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
     without_repulsion: Vec<u32>,
@@ -106,7 +106,7 @@ pub(crate) struct SelfContact {
     largest_correction: (f64, u32),
 }
 
-/// How a collision step ended.
+/// Outcome of a collision step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// The state is free of collisions, or as good as can be; this says what was left.
@@ -390,8 +390,8 @@ impl SelfContact {
         outcome
     }
 
-    /// What self-contact remembers at a collision-free state: the proximity list by the positions it was made around, the
-    /// number and length of the steps it takes, and what crosses.
+    /// Returns the memory of self-contact at a collision-free state: the proximity list by the positions it was made
+    /// around, the number and length of the steps it takes, and the crossings.
     pub(crate) fn save(&self) -> SavedSection {
         let (reference, nodes) = (self.proximity.reference(), self.surface.nodes());
         let list = reference.map(|x| [&x[nodes.own()], &x[nodes.cloth()..]]);

@@ -1,4 +1,4 @@
-//! How many time steps lie between two collision-free states, K, and how long they are: both found by trying.
+//! Number K of time steps between two collision-free states, and their length: both found by trying.
 //!
 //! K starts at 1, and the share of the allowed dt that a step takes at 1. After three collision steps without a hard case the
 //! share is doubled if it is below 1, otherwise K, up to `max_steps`; K is also no more than what keeps every vertex from
@@ -46,7 +46,8 @@ impl Substeps {
         }
     }
 
-    /// Where zones are needed even after single steps, contact changes faster than the steps resolve.
+    /// Halves K, or the share at K = 1: contact changes faster than the steps resolve where zones are needed even
+    /// after single steps.
     pub(super) fn failed(&mut self) {
         self.successes = 0;
         if self.steps > 1 {

@@ -1,4 +1,4 @@
-//! What a rank brings into contact: its own vertices, and the triangles that have one of them.
+//! Contribution of a rank to contact: its own vertices, and the triangles that have one of them.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ pub(crate) struct LocalClothSurface {
     pub block_starts: Vec<usize>,
     /// Own vertices of each own block, counted from the rank's first vertex.
     pub blocks: Vec<Range<usize>>,
-    /// Where the own vertices stand in arrays over the scene's local vertices.
+    /// Range of the own vertices in arrays over the scene's local vertices.
     pub place: Range<usize>,
     /// Triangles with an own vertex, by their corners' numbers in the scene, in the order of the garments.
     pub triangles: Vec<[u32; 3]>,
@@ -26,7 +26,7 @@ pub(crate) struct LocalClothSurface {
     pub rest: Vec<Vec3>,
     /// Thickness that repulsions keep [m].
     pub thickness: Vec<f64>,
-    /// What the friction of cloth on cloth is multiplied by, and what is added to it, as painted; `None` if it is nowhere.
+    /// Factor on the friction of cloth on cloth, and term added to it, as painted; `None` if it is nowhere painted.
     pub friction: Option<Vec<[f64; 2]>>,
     /// Mean rest length of the edges of each vertex [m].
     pub edge_length: Vec<f64>,

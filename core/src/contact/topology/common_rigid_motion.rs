@@ -48,7 +48,7 @@ impl Samples {
         (nodes.cloth()..nodes.count()).step_by(STRIDE).fold(of_cloth, add)
     }
 
-    /// How many samples there are, and their centre [m].
+    /// Returns the number of samples, and their centre [m].
     pub(crate) fn centre(&self, nodes: &ContactNodes, x: &[Vec3]) -> (f64, Vec3) {
         let [count, x, y, z] = self.sum(nodes, |node| [1.0, x[node].x, x[node].y, x[node].z]);
         let count = count.max(1.0);
@@ -76,7 +76,8 @@ impl Samples {
     }
 }
 
-/// What a point adds to the sums, from its places `a` and `b` relative to the centre of the reference.
+/// Returns the terms that a point adds to the sums, from its places `a` and `b` relative to the centre of the
+/// reference.
 fn terms(a: &Vec3, b: &Vec3) -> [f64; TERMS] {
     [b.x, b.y, b.z, b.x * a.x, b.x * a.y, b.x * a.z, b.y * a.x, b.y * a.y, b.y * a.z, b.z * a.x, b.z * a.y, b.z * a.z]
 }
@@ -104,13 +105,13 @@ impl RigidFit {
         Self { rotation: nearest_rotation(&covariance), centres: [centre, moved] }
     }
 
-    /// Where the motion takes a point [m].
+    /// Returns the position of a point after the motion [m].
     #[inline]
     pub(crate) fn apply(&self, point: &Vec3) -> Vec3 {
         self.rotation * (point - self.centres[0]) + self.centres[1]
     }
 
-    /// Where the centre of the points comes to [m].
+    /// Returns the centre of the points after the motion [m].
     pub(crate) fn centre(&self) -> Vec3 {
         self.centres[1]
     }

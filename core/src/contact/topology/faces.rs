@@ -19,7 +19,7 @@ const POINTS: u32 = 4;
 #[derive(Debug, Default)]
 pub(crate) struct Faces {
     triangles: Vec<[u32; 3]>,
-    /// Which edges each carries, and whether it takes part as a triangle.
+    /// Edges that each triangle carries, and whether it takes part as a triangle.
     owners: EdgeOwners,
     points: Carried<u32>,
     /// The smaller node first.
@@ -65,7 +65,8 @@ impl Faces {
         Self { triangles, owners, points: Carried::new(points, count), edges: Carried::new(edges, count) }
     }
 
-    /// What a triangle carries: bits 0 to 2 for its edges, 3 if it takes part as a triangle, 4 to 6 for its points.
+    /// Returns the features that a triangle carries: bits 0 to 2 for its edges, 3 if it takes part as a triangle, 4
+    /// to 6 for its points.
     pub(crate) fn owned_features(&self, triangle: u32) -> u32 {
         let corners = &self.triangles[triangle as usize];
         let points = self.points(triangle);
@@ -84,7 +85,7 @@ impl Faces {
         self.owners.bits(triangle) & FACE != 0
     }
 
-    /// Which triangle speaks for which edge in exact checks.
+    /// Returns the triangle that owns each edge in exact checks.
     pub(crate) fn owners(&self) -> &EdgeOwners {
         &self.owners
     }

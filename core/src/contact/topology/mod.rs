@@ -1,5 +1,5 @@
-//! What can touch: the nodes of contact (own vertices of cloth, copies of other ranks', points of bodies), the faces, edges and
-//! vertices between them, and the pairs of these.
+//! Geometry that can touch: the nodes of contact (own vertices of cloth, copies of other ranks', points of bodies),
+//! the faces, edges and vertices between them, and the pairs of these.
 //!
 //! Read in this order: [`pair`] (a point and a triangle, or two edges), [`nodes`] (their numbers on this rank and in the
 //! scene), [`faces`], [`cloth_surface`] (what a rank brings in), [`surface`] (all of it), [`common_rigid_motion`] (what moves

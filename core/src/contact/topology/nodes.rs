@@ -166,7 +166,7 @@ pub(crate) struct IndexMap {
     count: usize,
 }
 
-/// What stands for the number of a node that is not known any more.
+/// Marker in place of the number of a node that is not known any more.
 const DROPPED: u32 = u32::MAX;
 
 impl IndexMap {

@@ -4,7 +4,7 @@ use crate::Vec3;
 use crate::geometry::distance::{SegmentPair, closest_on_segments, closest_on_triangle, closest_within_segments};
 use crate::parallel::message::codec;
 
-/// What the four nodes of a pair form.
+/// Primitives that the four nodes of a pair form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum PairKind {
     /// A point and a triangle.
@@ -19,7 +19,7 @@ pub(crate) const KINDS: [PairKind; 2] = [PairKind::PointTriangle, PairKind::Edge
 /// Two primitives by their nodes: a point and the corners of a triangle, or the ends of two edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Pair {
-    /// What the nodes form.
+    /// Primitives that the nodes form.
     pub kind: PairKind,
     /// Its nodes, in the solver's numbering.
     pub nodes: [u32; 4],
@@ -45,7 +45,7 @@ impl Closest {
         Self { apart: found.points[0] - found.points[1], weights: [1.0 - s, s, t - 1.0, -t], inside }
     }
 
-    /// Where two edges with these ends are closest, if that is inside both.
+    /// Returns the closest points of two edges with these ends, if they lie inside both.
     #[inline]
     pub(crate) fn inside_edges(x: &[Vec3; 4]) -> Option<Self> {
         closest_within_segments(&[x[0], x[1]], &[x[2], x[3]]).map(|found| Self::of_edges(&found, true))
@@ -59,7 +59,7 @@ impl Pair {
         self.nodes.map(|node| x[node as usize])
     }
 
-    /// Where the pair is closest with its nodes at `x`.
+    /// Returns the closest points of the pair with its nodes at `x`.
     #[inline]
     pub(crate) fn closest(&self, x: &[Vec3; 4]) -> Closest {
         match self.kind {

@@ -31,14 +31,14 @@ pub(crate) struct ContactSurface {
     sides: [Sides; 2],
     /// Deforming bodies and their first points, counted over all of them, in their order.
     first_points: Vec<(usize, u32)>,
-    /// How they repel pairs in the solves, in the same order; none where they do not.
+    /// Repulsion of pairs by each of them in the solves, in the same order; empty if they do not repel.
     body_repulsion: Vec<BodyRepulsion>,
-    /// Where own vertices stand in arrays over the scene's local vertices.
+    /// Range of the own vertices in arrays over the scene's local vertices.
     place: Range<usize>,
     samples: Samples,
     /// Arrays over the nodes: thickness that repulsions keep, zero for bodies [m].
     thickness: Vec<f64>,
-    /// What the friction of cloth on cloth is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    /// Factor on the friction of cloth on cloth, and term added to it; `None` if it is nowhere painted.
     friction: Option<Vec<[f64; 2]>>,
     /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
@@ -48,11 +48,12 @@ pub(crate) struct ContactSurface {
     /// Inverse masses per axis, zero where held [1/kg].
     mobility: Vec<Vec3>,
     longest_edge: f64,
-    /// What positions are counted from where single precision stores them [m].
+    /// Origin that positions are counted from where single precision stores them [m].
     origin: Vec3,
 }
 
-/// How a deforming body repels edges and faces of cloth in the solves of long steps; its own contact keeps the vertices away.
+/// Repulsion of edges and faces of cloth by a deforming body in the solves of long steps; the body's own contact
+/// keeps the vertices away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BodyRepulsion {
     /// Distance that is kept [m].
@@ -224,12 +225,12 @@ impl ContactSurface {
         &self.bodies
     }
 
-    /// Which nodes stand for all in fits of common motion.
+    /// Returns the nodes that stand for all in fits of common motion.
     pub(crate) fn samples(&self) -> &Samples {
         &self.samples
     }
 
-    /// Where own vertices stand in arrays over the scene's local vertices.
+    /// Returns the range of the own vertices in arrays over the scene's local vertices.
     pub(crate) fn place(&self) -> Range<usize> {
         self.place.clone()
     }
@@ -239,8 +240,8 @@ impl ContactSurface {
         &self.thickness
     }
 
-    /// What the friction of cloth on cloth is multiplied by at each node, and what is added to it; `None` if it is nowhere
-    /// painted.
+    /// Returns the factor on the friction of cloth on cloth at each node, and the term added to it; `None` if it is
+    /// nowhere painted.
     pub(crate) fn friction(&self) -> Option<&[[f64; 2]]> {
         self.friction.as_deref()
     }
@@ -311,7 +312,7 @@ impl ContactSurface {
         }
     }
 
-    /// What positions are counted from where single precision stores them [m].
+    /// Returns the origin that positions are counted from where single precision stores them [m].
     pub(crate) fn origin(&self) -> Vec3 {
         self.origin
     }
@@ -330,12 +331,12 @@ impl ContactSurface {
         self.body_at(node as u32).map_or(0.0, |body| body.thickness)
     }
 
-    /// How the body repels that a pair has a point of, if it has one and the body repels in the solves.
+    /// Returns the repulsion by the body that a pair has a point of, if it has one and the body repels in the solves.
     pub(crate) fn body_of(&self, nodes: &[u32; 4]) -> Option<&BodyRepulsion> {
         nodes.iter().find(|&&node| self.is_body(node)).and_then(|node| self.body_at(*node))
     }
 
-    /// How the body of one of its points repels in the solves.
+    /// Returns the repulsion in the solves by the body that this point belongs to.
     fn body_at(&self, node: u32) -> Option<&BodyRepulsion> {
         let point = node - self.nodes.cloth() as u32;
         let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
@@ -414,9 +415,9 @@ fn union(mut a: Vec<u32>, b: &[u32]) -> Vec<u32> {
 /// Positions of all nodes at both ends of a collision step.
 #[derive(Debug, Default)]
 pub(crate) struct NodePaths {
-    /// Where the nodes are at the collision-free state [m].
+    /// Positions of the nodes at the collision-free state [m].
     pub start: Vec<Vec3>,
-    /// Where they are now [m].
+    /// Current positions of the nodes [m].
     pub end: Vec<Vec3>,
 }
 

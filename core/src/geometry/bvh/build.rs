@@ -11,7 +11,7 @@ const BINS: usize = 16;
 /// From this depth on nodes are halved by count, which bounds the depth by this plus 32 for any `u32` count.
 const SPLIT_BY_COUNT_DEPTH: usize = 30;
 
-/// What is needed only while the tree is built.
+/// Data needed only while the tree is built.
 pub(super) struct Builder<'a> {
     boxes: &'a [Aabb],
     centres: Vec<[f32; 3]>,

@@ -1,4 +1,4 @@
-//! What a moving surface promises.
+//! Tests of the guarantees of a moving surface.
 
 use super::*;
 use crate::geometry::random::SplitMix64;

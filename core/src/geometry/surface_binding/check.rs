@@ -1,4 +1,4 @@
-//! What is suspicious in a binding.
+//! Checks for suspicious features of a binding.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -11,12 +11,13 @@ use super::{SurfaceBinding, blended};
 /// the surface hangs together between them.
 const APART: f64 = 2.0;
 
-/// How much longer than a straight line the way over a curved surface may be.
+/// Cap on the length of a path over a curved surface, as a multiple of the straight line.
 const DETOUR: f64 = 2.0;
 
 impl SurfaceBinding {
-    /// Those of `edges` between two bound points whose ends are bound to different layers of the surface: no way over the surface
-    /// joins the two places within reach. `points` are the bound points at rest [m].
+    /// Finds, among `edges` between two bound points, the edges whose ends are bound to different layers of the
+    /// surface: no path over the surface joins the two places within reach. `points` are the bound points at
+    /// rest [m].
     pub fn torn(&self, points: &[Vec3], edges: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
         edges.filter(|edge| self.is_torn(points, *edge)).collect()
     }

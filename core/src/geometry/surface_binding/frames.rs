@@ -32,7 +32,7 @@ impl Frame {
         self.rate += other.rate * weight;
     }
 
-    /// That of length one; none if it has no length.
+    /// Returns the frame scaled to length one; none if it has no length.
     fn normalized(&self) -> Option<Self> {
         let length = self.rotation.norm();
         if length == 0.0 {
@@ -61,7 +61,7 @@ impl Frame {
         vector + (across * self.rotation.scalar() + axis.cross(&across)) * (2.0 / squared)
     }
 
-    /// How fast it turns [rad/s].
+    /// Returns the angular velocity [rad/s].
     pub(super) fn angular_velocity(&self) -> Vec3 {
         let squared = self.rotation.norm_squared();
         if squared == 0.0 {

@@ -1,10 +1,10 @@
 //! The order of a garment's vertices: recursive bisection of the rest positions along the longest side of their bounds, ties by
 //! vertex number, whoever has which positions.
 //!
-//! How large every half is depends on the number of vertices alone, so each rank knows which places of the order will be its
-//! own before anything is compared. Pieces that lie across a border of ranks are halved where their vertices are: bounds are
-//! compared, and the vertex in the middle is found digit by digit of its key, by counting. At most one piece lies across a
-//! border. The others are sent to their rank, which halves them by itself.
+//! Sizes of the halves depend on the number of vertices alone, so each rank knows which places of the order will be
+//! its own before anything is compared. Pieces that lie across a border of ranks are halved where their vertices are:
+//! bounds are compared, and the vertex in the middle is found digit by digit of its key, by counting. At most one
+//! piece lies across a border. The others are sent to their rank, which halves them by itself.
 
 use std::ops::Range;
 
@@ -134,7 +134,7 @@ fn longest_sides(ranks: &Ranks, pieces: &[Piece]) -> Vec<usize> {
     all.as_chunks().0.iter().map(side).collect()
 }
 
-/// What a vertex is compared by: its coordinate in the order of `total_cmp`, then its number.
+/// Returns the key by which a vertex is compared: its coordinate in the order of `total_cmp`, then its number.
 fn key(row: &PlacedVertex, axis: usize) -> u128 {
     let bits = row.position[axis].to_bits();
     let coordinate = if bits >> 63 == 0 { bits | 1 << 63 } else { !bits };

@@ -48,7 +48,7 @@ struct Reading<'a, T, const N: usize> {
     /// Rows that were given.
     given: usize,
     own: [Vec<T>; N],
-    /// What the next messages hold, one for each column, and of how many rows.
+    /// Values of the next messages, one message for each column, and their number of rows.
     waiting: [Vec<T>; N],
     rows: usize,
 }

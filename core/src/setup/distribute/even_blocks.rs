@@ -12,7 +12,7 @@ use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
 use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
 
-/// What a rank has of a garment as it was read.
+/// Share of a garment that a rank has, as it was read.
 pub(crate) struct BlockOfMesh<'a> {
     pub(crate) points_of: BlockDistribution,
     pub(crate) faces_of: BlockDistribution,
@@ -24,7 +24,7 @@ pub(crate) struct BlockOfMesh<'a> {
     corners: Cow<'a, [u32]>,
 }
 
-/// How large a mesh is.
+/// Size of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MeshSize {
     pub(crate) points: usize,
@@ -118,7 +118,7 @@ impl<'a> BlockOfMesh<'a> {
     }
 }
 
-/// What is known of some points that are in the block of any rank.
+/// Known values of some points that are in the block of any rank.
 pub(crate) struct FetchedValues<'a, T: Copy> {
     /// Their numbers in the garment, ascending; one rank, which has all, needs none.
     vertices: Vec<u32>,
@@ -144,7 +144,7 @@ impl<'a, T: bytemuck::Pod> FetchedValues<'a, T> {
         Self { vertices, values: Cow::Owned(values) }
     }
 
-    /// What is known of one of these points.
+    /// Returns the known value of one of these points.
     pub(crate) fn at(&self, vertex: u32) -> T {
         let Some(lowest) = self.vertices.first() else { return self.values[vertex as usize] };
         // Where none between is missing, it is found at once.

@@ -1,10 +1,10 @@
 //! Handing out a scene. Rank 0 has the description and reads each garment piece by piece; it never has a garment as a whole.
 //!
-//! What is read goes first to *blocks*, an even one of the points and faces on each rank (`even_blocks`), where it is checked. Then
-//! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and blocks receive
-//! the numbers in the scene of their points. Faces are cut into triangles there, what takes no part is left out
-//! (`degenerate`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
-//! it.
+//! Data that is read goes first to *blocks*, an even one of the points and faces on each rank (`even_blocks`), where
+//! it is checked. Then the ranks find the order of the vertices together (`bisection`), each takes the rest positions
+//! of its own, and blocks receive the numbers in the scene of their points. Faces are cut into triangles there, what
+//! takes no part is left out (`degenerate`), and the rest goes to the owners of the corners (`one_ring`); what else
+//! belongs to a vertex is asked for by the ranks that have it.
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ use crate::setup::mesh_checks::coincident::Apart;
 use crate::setup::mesh_checks::degenerate::{CleanMesh, MergedInto};
 use crate::setup::mesh_checks::winding;
 
-/// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
+/// Data of the points of a garment besides their rest positions; on rank 0, where they are given.
 #[derive(Default)]
 struct Columns {
     start: Option<Vec<Vec3>>,
@@ -52,7 +52,7 @@ struct Own {
     maps: Vec<Vec<f64>>,
 }
 
-/// What a rank has of a garment in its block.
+/// Data that a rank has of a garment in its block.
 struct OfBlock<'a> {
     /// Rest positions of its points [m].
     points: &'a [Vec3],
@@ -61,17 +61,17 @@ struct OfBlock<'a> {
     places: &'a [u32],
 }
 
-/// What rank 0 tells all before anything is read.
+/// Data that rank 0 tells all ranks before anything is read.
 struct Outline {
     /// Without the arrays of garments and pins.
     description: SceneDescription,
-    /// How large the garments are.
+    /// Sizes of the garments.
     sizes: Vec<MeshSize>,
 }
 
 codec!(struct Outline { description, sizes });
 
-/// Where a vertex was set apart to. Packed, so that nothing lies between its end and the next.
+/// Position to which a vertex was set apart. Packed, so that nothing lies between its end and the next.
 #[repr(C, packed(4))]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct MovedVertex {
@@ -88,7 +88,8 @@ pub(crate) struct SceneScatter {
     assignment: Vec<usize>,
     /// First vertex of every rank, and the number of all at the end.
     starts: Vec<u32>,
-    /// What is in this rank's block of each garment, until it is handed out; and in which blocks all their points are.
+    /// Contents of this rank's block of each garment, until it is handed out; and the blocks in which all points of
+    /// each garment are.
     blocks: Vec<BlockOfMesh<'static>>,
     points_of: Vec<BlockDistribution>,
     /// On rank 0.
@@ -223,8 +224,8 @@ impl SceneScatter {
         fetch(ranks, vertices, |vertex| blocks.of(vertex as usize), |vertex| places[vertex as usize - first])
     }
 
-    /// What is held or sewn of own vertices; and on rank 0, which knows all and asks where they are, the vertices of all ranks
-    /// that a pin moves, ascending.
+    /// Returns the own vertices that are held or sewn; and on rank 0, which knows all and asks where they are, the
+    /// vertices of all ranks that a pin moves, ascending.
     fn held(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> (Held, Vec<u32>) {
         let mut pinned = Vec::new();
         let mut sewn = Vec::new();
@@ -287,7 +288,7 @@ impl SceneScatter {
         }
     }
 
-    /// Those that follow another vertex, by numbers of the scene.
+    /// Returns the vertices that follow another vertex, by numbers of the scene.
     fn merged_vertices(
         &self,
         ranks: &Ranks,
@@ -304,7 +305,7 @@ impl SceneScatter {
         numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(merged).collect()
     }
 
-    /// Where vertices of the scene, all of one garment, start [m].
+    /// Returns the positions at the start of vertices of the scene, all of one garment [m].
     fn starts_at(&self, ranks: &Ranks, garment: usize, numbers: &[u32], own: &Own) -> Vec<Vec3> {
         let first = self.run_of(ranks, garment).start;
         let start = if own.start.is_empty() { &own.rest } else { &own.start };

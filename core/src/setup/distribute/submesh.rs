@@ -1,5 +1,5 @@
-//! What a rank has of a scene: what lies around its own vertices. It comes from rank 0, which has the description
-//! (`scatter`), or from other ranks when vertices move.
+//! Share of a scene that a rank has: everything around its own vertices. It comes from rank 0, which has the
+//! description (`scatter`), or from other ranks when vertices move.
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
 //! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
@@ -22,7 +22,7 @@ use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
 use crate::setup::distribute::one_ring::Triangle;
 
-/// What a rank needs of a garment, vertices ascending by their numbers in the scene.
+/// Data that a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
 pub(crate) struct SubMesh {
     pub(crate) vertices: Vec<VertexNumbers>,
@@ -48,7 +48,7 @@ pub(crate) struct VertexNumbers {
 codec_of_rows!(VertexNumbers);
 codec!(struct SubMesh { vertices, rest, start, velocities, maps, triangles });
 
-/// How many times the pieces of a garment are widened by the triangles beyond their edges.
+/// Returns the number of times that the pieces of a garment are widened by the triangles beyond their edges.
 pub(crate) fn halo_width(description: &SceneDescription, garment: usize) -> usize {
     let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
     let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
@@ -138,7 +138,7 @@ fn painted(map: &PaintedMap, vertices: &[u32]) -> Vec<f64> {
     vertices.iter().map(|v| map.values[*v as usize]).collect()
 }
 
-/// What is held or sewn of a rank's vertices, by numbers of the scene.
+/// Vertices of a rank that are held or sewn, by numbers of the scene.
 pub(crate) struct Held {
     pub(crate) pinned: Vec<Pinned>,
     pub(crate) pin_targets: usize,
@@ -219,8 +219,8 @@ pub(crate) fn assemble(
     }
 }
 
-/// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
-/// of the start any more, and what follows from the pieces is not there yet.
+/// Returns the scene on this rank with another assignment of the parts: the ranks hand each other the data that
+/// moves. Nothing is known of the start any more, and what follows from the pieces is not there yet.
 pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Scene {
     let (parts, ranks) = (&scene.parts, scene.parts.ranks());
     let partition = parts.partition().clone();
@@ -270,7 +270,7 @@ pub(crate) fn pins_of(pinned: &[Pinned], own: &Range<usize>) -> Vec<Pinned> {
     pinned.iter().filter(|pinned| own.contains(&(pinned.vertex as usize))).cloned().collect()
 }
 
-/// Which vertices a pin holds is known to the ranks that own them.
+/// Removes the vertices that a pin holds: they are known to the ranks that own them.
 pub(crate) fn forget_vertices(pin: &mut PinDescription) {
     match &mut pin.target {
         PinTarget::Path { vertices, .. }

@@ -17,12 +17,12 @@ use crate::setup::distribute::one_ring::Triangle;
 use crate::setup::mesh_checks::degenerate::CleanMesh;
 use crate::tolerances::SET_APART;
 
-/// What is set apart of a garment.
+/// Vertices of a garment that are set apart.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Apart {
     /// Vertices and their new places [m]; each on one rank.
     pub(crate) moved: Vec<(u32, Vec3)>,
-    /// Those of them that were in one place, lower numbers first; each on one rank.
+    /// Pairs of these vertices that were in one place, lower numbers first; each on one rank.
     pub(crate) pairs: Vec<[u32; 2]>,
 }
 
@@ -36,7 +36,7 @@ struct PlacedVertex {
 }
 
 impl PlacedVertex {
-    /// What says whether two are in one place.
+    /// Returns the bits of the position, which are equal for two vertices in one place.
     fn bits(&self) -> [u64; 3] {
         <[f64; 3]>::from(self.position).map(f64::to_bits)
     }
@@ -186,7 +186,7 @@ mod tests {
         ([0, 1].map(|side| rows.iter().map(|(_, places)| places[side]).collect()), all[0].1.clone())
     }
 
-    /// What any ranks get alike.
+    /// Returns the result that any number of ranks get alike.
     fn handed_out(garment: &GarmentDescription) -> Found {
         let alone = handed_out_by(1, garment);
         (2..6).for_each(|ranks| assert_eq!(handed_out_by(ranks, garment), alone, "{ranks} ranks"));

@@ -1,4 +1,5 @@
-//! What of a garment takes no part: faces without area, faces that are there twice, vertices that no other face has.
+//! Degenerate geometry of a garment, which takes no part: faces without area, duplicate faces, vertices that no other
+//! face has.
 //!
 //! None of it is simulated, so that the rest moves as it would without it. In the output everything stays: a vertex that
 //! only faces without area have goes with the nearest of their other corners, any other stays where it starts.
@@ -25,7 +26,7 @@ pub(crate) struct CleanMesh {
     pub(crate) lives: Vec<u8>,
     /// Vertices that go with another, ascending; the same on all ranks.
     pub(crate) follows: Vec<MergedInto>,
-    /// What was left out, in words; on rank 0.
+    /// Faces and vertices that were left out, in words; on rank 0.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -38,9 +39,9 @@ pub(crate) struct MergedInto {
 
 /// Polygons that are left out or lose a part.
 struct LeftOut {
-    /// Those on the corners of one before.
+    /// Polygons on the corners of an earlier one.
     repeated: Vec<u32>,
-    /// Those with a triangle that has no area.
+    /// Polygons with a triangle that has no area.
     flat: Vec<u32>,
 }
 
@@ -75,7 +76,8 @@ impl CleanMesh {
         sound
     }
 
-    /// What was left out in words, on rank 0: these polygons, and the points that have no other.
+    /// Describes in words, on rank 0, the elements that were left out: these polygons, and the points that have no
+    /// other.
     fn warnings_of(&self, ranks: &Ranks, name: &str, block: &BlockOfMesh<'_>, left_out: LeftOut) -> Vec<String> {
         let goes = |v: &u32| self.follows.binary_search_by_key(v, |merged| merged.vertex).is_ok();
         let first = block.points_of.rows(ranks.rank()).start as u32;
@@ -309,7 +311,7 @@ mod tests {
         (triangles, follows, all[0].0.warnings.clone())
     }
 
-    /// What any ranks find alike.
+    /// Returns the result that any number of ranks find alike.
     fn sound(points: &[[f64; 3]], faces: &[&[u32]]) -> Found {
         let mesh = PolygonMesh {
             points: points.iter().map(|p| Vec3::from(*p)).collect(),

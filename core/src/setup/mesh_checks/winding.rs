@@ -9,7 +9,7 @@ use crate::setup::distribute::block_rows::BlockDistribution;
 use crate::setup::distribute::even_blocks::joined;
 use crate::setup::distribute::one_ring::Triangle;
 
-/// What of a scene takes the side that faces show for a side of this garment, in words.
+/// Returns in words the effects of a scene that take the side that faces show for a side of this garment.
 fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'static str> {
     let requests = description.effects.iter();
     let acts = requests.filter(|request| request.garment.is_none_or(|of| of == garment));

@@ -79,7 +79,7 @@ pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut
 struct Varied {
     /// Its key.
     name: &'static str,
-    /// What the whole garment has.
+    /// Value of the whole garment.
     of_garment: f64,
     /// Smallest and largest that a scene may write there; zero as the smallest where zero switches off.
     range: (f64, f64),
@@ -88,7 +88,7 @@ struct Varied {
 }
 
 impl Varied {
-    /// What a map of a garment varies, as far as the scene says it.
+    /// Returns the numbers that a map of a garment varies, as far as the scene gives them.
     fn all(description: &SceneDescription, g: usize, (map, looker): (&MapSpec, Option<&EffectSpec>)) -> Vec<Self> {
         let garment = &description.garments[g];
         let Some(looker) = looker.filter(|_| !map.rows.is_empty()) else {
@@ -117,7 +117,7 @@ impl Varied {
         tables.into_iter().flat_map(of_table).collect()
     }
 
-    /// What the garment itself has.
+    /// Returns the number that belongs to the garment itself.
     fn of_garment(garment: &GarmentDescription, map: &str) -> Option<Self> {
         match (map, garment.mass) {
             ("density", Mass::Density(of_garment)) => {
@@ -188,7 +188,7 @@ mod tests {
     use crate::mesh::PolygonMesh;
     use crate::scene::EffectRequest;
 
-    /// What is wrong with these values of a map.
+    /// Returns the problems with these values of a map.
     fn problems(of: &str, values: [f64; 3], absolute: bool) -> String {
         let mut description = SceneDescription::new("maps");
         let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);

@@ -71,7 +71,7 @@ impl Scene {
     }
 }
 
-/// What can be said without the elements of the meshes.
+/// Returns the problems that can be found without the elements of the meshes.
 fn check_description(description: &SceneDescription) -> Vec<Problem> {
     let mut problems = Vec::new();
     check_solver(description, &mut problems);

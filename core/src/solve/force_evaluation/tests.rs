@@ -40,7 +40,8 @@ fn forces(scene: &Scene) -> (PartForces, BlockMatrix, ElementSlots) {
     (forces, matrix, slots)
 }
 
-/// What the matrix, without masses, makes of the direction `s`, and minus how the force changes along it, at `x` with `v`.
+/// Returns the product of the matrix, without masses, with the direction `s`, and minus the change of the force along
+/// `s`, at `x` with `v`.
 fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [Vec<Vec3>; 2] {
     let (mut forces, mut matrix, slots) = forces(scene);
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());

@@ -14,7 +14,7 @@ pub(super) struct Coarsest {
 }
 
 impl Coarsest {
-    /// That of a level.
+    /// Computes the Cholesky factor of a level.
     pub(super) fn new(level: &Level) -> Self {
         let mut dense: DMatrix<f64> = level.dense();
         // What is held as a whole has rows of zeros.

@@ -23,7 +23,7 @@ pub(super) struct Level {
     /// B, likewise.
     couplings: Vec<[f32; 9]>,
     inverses: BlockInverses,
-    /// Of the smoother.
+    /// Weight of the smoother.
     weight: f64,
     /// First node of each aggregate, and the number of all at the end.
     ends: Vec<u32>,

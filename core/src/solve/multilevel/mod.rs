@@ -122,7 +122,7 @@ impl Multilevel {
         self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1]);
     }
 
-    /// What the parts restrict their residuals to.
+    /// Returns the aggregates that the parts restrict their residuals to.
     pub(super) fn parts_mut(&mut self) -> &mut [PartAggregates] {
         &mut self.parts
     }

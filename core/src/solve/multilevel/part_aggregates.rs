@@ -165,7 +165,7 @@ impl PartAggregates {
         }
     }
 
-    /// What the vertices get of the corrections `x` of all nodes.
+    /// Returns the correction of each vertex, given the corrections `x` of all nodes.
     #[inline(always)]
     pub(super) fn corrections(&self, x: &[Simd4]) -> impl Iterator<Item = Simd4> {
         let x = &x[self.first..];

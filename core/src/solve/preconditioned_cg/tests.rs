@@ -55,7 +55,7 @@ impl SheetSystem {
     }
 }
 
-/// Which vertices are constrained.
+/// Selection of the constrained vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum What {
     Nothing,
@@ -378,7 +378,7 @@ fn pairs_of(count: usize) -> Vec<PairForce> {
     distinct.enumerate().map(of_pair).collect()
 }
 
-/// What stiffness and damping of pairs weigh in the systems of these tests.
+/// Force factor and α, which weigh the stiffness and damping of pairs in the systems of these tests.
 const PAIR_FACTORS: [f64; 2] = [2.0, 0.5];
 
 /// The terms of a rank's own vertices.

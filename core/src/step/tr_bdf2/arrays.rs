@@ -1,4 +1,5 @@
-//! What the implicit step works in (`docs/theory/tr_bdf2.md`): its matrix, and an array for each quantity of a stage.
+//! Working memory of the implicit step (`docs/theory/tr_bdf2.md`): its matrix, and an array for each quantity of a
+//! stage.
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
@@ -25,10 +26,11 @@ pub(crate) struct StageArrays {
     /// Forces on own vertices at the start, and at the stage [N].
     pub(super) f_start: Vec<Vec3>,
     pub(super) f: Vec<Vec3>,
-    /// What a solve is to balance [N s], and the same with the forces of pairs that the solve before has found.
+    /// Impulse that a solve is to balance [N s], and the same with the forces of pairs that the solve before has
+    /// found.
     pub(super) residual: Vec<Vec3>,
     pub(super) solved_residual: Vec<Vec3>,
-    /// What a solve changes [m/s].
+    /// Change of the velocities by a solve [m/s].
     pub(super) change: Vec<Vec3>,
     /// Pairs of cloth in touch at the stage.
     pub(super) pairs: Vec<PairForce>,

@@ -1,7 +1,7 @@
-//! Which parts of the cloth a round of Newton's method works on (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
+//! Parts of the cloth that a round of Newton's method works on (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
 //!
-//! What is hard for it, a fold that snaps or a hem that lands, is small, and the rest of the cloth is where it belongs after one
-//! or two rounds. So each part is done by itself when its velocities do not change any more.
+//! Regions that are hard for it, a fold that snaps or a hem that lands, are small, and the rest of the cloth is where
+//! it belongs after one or two rounds. So each part is done by itself when its velocities do not change any more.
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;

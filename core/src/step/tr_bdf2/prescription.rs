@@ -9,7 +9,7 @@ use crate::pins::{HardPins, PinTargets};
 use crate::solve::implicit_velocity::stop_held;
 use crate::solve::preconditioned_cg::Projection;
 
-/// What is prescribed in a stage.
+/// Motion prescribed in a stage.
 pub(super) struct Prescription<'a> {
     pub(super) parts: &'a Parts,
     pub(super) pins: Option<&'a HardPins>,

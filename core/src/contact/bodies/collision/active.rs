@@ -1,4 +1,4 @@
-//! Which contacts take part in the solves of an implicit step.
+//! Choice of the contacts that take part in the solves of an implicit step.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! What bodies bear of the repulsions between layers that lie on them.
+//! Part of the repulsions between layers that is borne by the bodies on which the layers lie.
 
 use rayon::prelude::*;
 
@@ -20,7 +20,8 @@ impl BodyCollision {
 }
 
 impl BodyContact {
-    /// What is in contact may not approach; what is near may come as close as contact.
+    /// Returns the constraint of this body: a vertex in contact may not approach, a vertex that is near may come as
+    /// close as contact.
     fn support(&self, dt: f64) -> BodyConstraint {
         let normal = self.at.normal;
         let room = if self.constraint.is_some() { 0.0 } else { (self.at.phi - self.offset).max(0.0) };

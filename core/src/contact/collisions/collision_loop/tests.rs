@@ -23,7 +23,7 @@ const COUNTS: [&str; 12] = [
     "pairs_pinched",
 ];
 
-/// What became of a heap.
+/// Outcome of the collisions of a heap.
 #[derive(Debug, Clone, PartialEq)]
 struct Outcome {
     /// Ends of own nodes, as bits, and the scene's numbers of those that were moved.

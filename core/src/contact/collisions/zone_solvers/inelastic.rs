@@ -43,7 +43,7 @@ const FACE_REDUCTION: f64 = 0.1;
 /// Roundings that enter a relative velocity.
 const ROUNDINGS: f64 = 32.0;
 
-/// How a zone came out.
+/// Outcome of the solve of a zone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Outcome {
     /// Largest shortfall of a relative normal velocity below its target [m/s]; zero if there is none.

@@ -75,7 +75,7 @@ pub(crate) fn rigid(nodes: &mut [ZoneNode]) -> RigidMotion {
     RigidMotion { centre: frame.centre, displacement: frame.centre_end - frame.centre, turn: spin }
 }
 
-/// What is known of the motion before the angular momentum of the free nodes is looked at.
+/// Part of the motion that is known before the angular momentum of the free nodes is looked at.
 struct Frame {
     /// Place that the zone turns about, at the start and now [m].
     centre: Vec3,

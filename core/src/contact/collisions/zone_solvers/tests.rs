@@ -18,7 +18,7 @@ fn random_zone(random: &mut SplitMix64, count: usize, reach: f64) -> Vec<ZoneNod
     (0..count).map(|_| node(random)).collect()
 }
 
-/// What the motion of a rigid zone moves a node by [m].
+/// Returns the displacement of a node by the motion of a rigid zone [m].
 fn displacement_of(motion: &RigidMotion, node: &ZoneNode) -> Vec3 {
     motion.displacement + motion.turn.cross(&(node.start - motion.centre))
 }

@@ -1,4 +1,4 @@
-//! Which way to draw cloth out along the lines in which it meets itself.
+//! Direction in which to draw cloth out along the lines in which it meets itself.
 //!
 //! Inside a line both surfaces go on, and to first order it gets no shorter whichever way they are pushed; only at an end,
 //! where one of them has its border, it does. Pushed at both ends at once, two sheets that cross from border to border pull

@@ -17,7 +17,7 @@ const SHEETS: [(usize, f64, usize, &str); 2] = [(24, 1e4, 4, "24 by 24 vertices"
 const ITERATIONS: usize = 800;
 const POWERS: f64 = 6.0;
 
-/// What the solves of the figure share.
+/// Data shared by the solves of the figure.
 struct Solve<'a> {
     sheet: &'a Sheet,
     system: &'a BlockSystem<'a, SheetSystem>,

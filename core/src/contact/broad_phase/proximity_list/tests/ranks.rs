@@ -12,7 +12,7 @@ use crate::parallel::ranks::Ranks;
 /// Distance that collisions keep [m].
 const GAP: f64 = 10.0 * f32::EPSILON as f64;
 
-/// Where paths are searched.
+/// Distance from the paths within which pairs are searched.
 const AROUND: Inflation = Inflation { gap: GAP, margin: 0.02 };
 
 /// Vertices along each side of a sheet, and sheets.
@@ -145,7 +145,7 @@ impl Heap {
 /// An entry of the list in numbers of the scene: the pair, and the bits of its distance, thickness and present bound.
 type Entry = (Pair, u32, u32, u64);
 
-/// What a rank found.
+/// Search results of a rank.
 #[derive(Debug, Clone, PartialEq)]
 struct Found {
     /// First own vertex, and the first that is not.
