@@ -1,6 +1,7 @@
-//! What Drapery tells of results: what accuracy costs ([`study`]), how a run went ([`report`]), whether two results are the
-//! same ([`diff`]), whether ranks and threads come to the same bits ([`bits`]), and whether caches are sound ([`verify`]). Nothing here is needed to simulate a shot, and nothing that
-//! simulates or writes knows of it. The library never prints.
+//! Analysis of results: the cost of accuracy ([`study`]), the course of a run ([`report`]), whether two results are
+//! the same ([`diff`]), whether ranks and threads come to the same bits ([`bits`]), and whether caches are sound
+//! ([`verify`]). Nothing here is needed to simulate a shot, and nothing that simulates or writes knows of it. The
+//! library never prints.
 //!
 //! ```
 //! // What `drapery study --vary cfl=4,2,1` takes.

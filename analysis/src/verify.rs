@@ -24,12 +24,12 @@ const VELOCITY_RATIO: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 /// Bounds are compared relative to the size of the mesh; positions are f32.
 const BOUNDS_TOLERANCE: f64 = 1e-5;
 
-/// What was found in a cache.
+/// Findings in a cache.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Verification {
-    /// What is good to know.
+    /// Facts that are good to know.
     pub facts: Vec<String>,
-    /// What some application may stumble over.
+    /// Properties with which some application may have trouble.
     pub warnings: Vec<String>,
     /// Rules that are broken; at most one message a rule and object.
     pub failures: Vec<String>,
@@ -37,7 +37,7 @@ pub struct Verification {
 
 /// An opened file.
 struct Cache {
-    /// What its messages begin with; empty when there is one file only.
+    /// Start of its messages; empty when there is one file only.
     prefix: String,
     meshes: Vec<PolyMesh>,
     /// A stage of USD, which holds no archive's meshes.
@@ -67,7 +67,7 @@ pub fn verify(paths: &[&Path], body: Option<&Path>) -> Result<Verification, IoEr
     Ok(found)
 }
 
-/// What tells a file from the others in a message: nothing, its name, or its whole path.
+/// Returns the prefix that tells a file from the others in a message: nothing, its name, or its whole path.
 fn prefix_of(path: &Path, all: &[&Path]) -> String {
     match all.iter().filter(|other| other.file_name() == path.file_name()).count() {
         _ if all.len() == 1 => String::new(),

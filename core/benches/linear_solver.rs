@@ -22,7 +22,7 @@ use drapery_core::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Proj
 /// Frames a second.
 const FPS: f64 = 24.0;
 
-/// Of both stages of the integrator.
+/// Implicit coefficient h / dt of both stages of the integrator.
 const STAGE: f64 = 0.293;
 
 /// Mass by area [kg/m²].
@@ -45,7 +45,7 @@ struct Cloth {
 
 struct Spring {
     ends: [u32; 2],
-    /// By stiffness of the membrane [1].
+    /// Stiffness relative to the stiffness of the membrane [1].
     stiffness: f64,
     direction: Vec3,
 }
@@ -252,7 +252,7 @@ fn fastest(mut work: impl FnMut()) -> f64 {
     (0..15).map(time).fold(f64::INFINITY, f64::min)
 }
 
-/// What an iteration consists of.
+/// Measures the pieces of an iteration.
 fn pieces(name: &str, cloth: &mut Cloth) {
     let mut matrix = cloth.matrix();
     let (dt, membrane) = (1.0 / FPS / 8.0, 1000.0);

@@ -1,4 +1,4 @@
-//! What can go wrong: problems of a scene (all reported at once) and errors of a step.
+//! Failures: problems of a scene (all reported at once) and errors of a step.
 
 use std::fmt;
 
@@ -69,7 +69,7 @@ impl fmt::Display for Problems {
 
 impl std::error::Error for Problems {}
 
-/// What asks for a short step.
+/// Reason for a short step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShortStep {
     /// Edges change their lengths fast.

@@ -110,14 +110,14 @@ pub trait MeshStream: std::fmt::Debug + Send + Sync {
     /// Gives the positions [m].
     ///
     /// # Errors
-    /// What is wrong with the data.
+    /// Description of the fault in the data.
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), String>;
 
     /// Gives the faces: the number of corners of each, and the point of each corner, face by face. Nothing is promised of
     /// these numbers but that they fit each other.
     ///
     /// # Errors
-    /// What is wrong with the data.
+    /// Description of the fault in the data.
     fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), String>;
 }
 

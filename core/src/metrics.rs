@@ -13,7 +13,7 @@ pub struct Stage {
     pub name: Cow<'static, str>,
     /// Seconds spent in it.
     pub seconds: f64,
-    /// How often it ran.
+    /// Number of times it ran.
     pub calls: u64,
     /// Shortest and longest time of a rank [s], where there are several; `seconds` is then their mean.
     pub spread: Option<[f64; 2]>,

@@ -107,7 +107,7 @@ pub struct LineChecksums {
 /// Receiver of the checksums, on rank 0.
 pub type ChecksumSink = Box<dyn FnMut(LineChecksums) + Send>;
 
-/// What an observer reports, and to whom.
+/// Content of the report of an observer, and its recipient.
 enum Report {
     /// Values of the quantities, after the lines of the tracepoints.
     Values { tracepoints: Vec<Tracepoint>, sink: Option<Sink> },

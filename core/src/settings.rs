@@ -36,7 +36,7 @@ pub enum SettingValue {
     Keys(Vec<(f64, [f64; 3])>),
 }
 
-/// What a field takes, and its value when the scene says nothing.
+/// Kind of value that a field takes, and its value when the scene says nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Default {
     /// A number that the scene has to say.
@@ -84,7 +84,7 @@ pub const AUTO: &str = "auto";
 pub struct Word {
     /// As it is written.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the word.
     pub help: &'static str,
 }
 
@@ -129,7 +129,7 @@ pub struct Field {
     pub help: &'static str,
 }
 
-/// Where a setting's value came from.
+/// Origin of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// Written in the scene (or in a preset that the scene names).
@@ -166,7 +166,7 @@ impl Settings {
         if problems.is_empty() { Ok(Self { values }) } else { Err(problems) }
     }
 
-    /// Those of a table when the scene says nothing.
+    /// Returns the settings of a table when the scene says nothing.
     ///
     /// # Panics
     /// A field has to be said.
@@ -242,7 +242,7 @@ impl Field {
     /// A value as written in the SI unit; words and names of files as they are.
     ///
     /// # Errors
-    /// What is wrong with it: its kind, its unit, or its number, which is out of range.
+    /// Description of the fault in the value: its kind, its unit, or its number, which is out of range.
     pub fn check(&self, written: &SettingValue) -> Result<SettingValue, String> {
         match (self.default, written) {
             (Default::Flag(_), SettingValue::Flag(_)) | (Default::File, SettingValue::Text(_)) => {}
@@ -265,7 +265,7 @@ impl Field {
         Ok(written.clone())
     }
 
-    /// What the field takes, as a sentence.
+    /// Returns the kind of value that the field takes, as a sentence.
     pub fn expected(&self) -> String {
         let form = match self.default {
             Default::Vector(_) | Default::RequiredVector => "three numbers",

@@ -1,4 +1,4 @@
-//! What time changes: positions and velocities of the local vertices.
+//! State that changes with time: positions and velocities of the local vertices.
 
 use crate::Vec3;
 use crate::scene::Scene;

@@ -71,7 +71,7 @@ pub(crate) struct Axes {
 }
 
 impl Axes {
-    /// Where a point of the diagram is [px].
+    /// Returns the place of a point of the diagram [px].
     pub(crate) fn place(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, right, top, bottom] = self.frame;
         let share = |value: f64, [from, to]: [f64; 2]| (value - from) / (to - from);

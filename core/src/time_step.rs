@@ -37,7 +37,7 @@ pub(crate) struct Choice {
     pub dt: f64,
     /// Whether it ends the interval.
     pub ends_interval: bool,
-    /// What the cloth alone allows [s].
+    /// Longest step that the cloth alone allows [s].
     pub limit: f64,
     /// Whether the strain rate set that limit rather than the elastic forces.
     pub by_strain: bool,
@@ -46,9 +46,9 @@ pub(crate) struct Choice {
 /// Shares of what is allowed that a step takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StepShares {
-    /// Of what the elastic forces and the scene allow.
+    /// Share of the step that the elastic forces and the scene allow.
     pub of_longest: f64,
-    /// Of what is allowed after that and by the rate of strain.
+    /// Share of the step that is allowed after that and by the rate of strain.
     pub of_allowed: f64,
 }
 
@@ -91,16 +91,17 @@ impl StepLimit {
         self.rate = None;
     }
 
-    /// What the elastic forces and the scene allow [s]; `share` of it.
+    /// Returns the longest step that the elastic forces and the scene allow [s]; `share` of it.
     pub(crate) fn longest(&self, settings: &SolverSettings, share: f64) -> f64 {
         let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
         // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
         if share < 1.0 { share * whole.min(self.frame) } else { whole }
     }
 
-    /// How far vertices that are not where they have to be are put right in a step of `dt` [s]: at the speed at which an edge
-    /// of this length [m] changes in the longest stable step by what a step may change it (a part of the speed of sound in the
-    /// cloth), or at which they are there in a frame, whichever is faster. Neither depends on how long steps are.
+    /// Returns the correction, in a step of `dt` [s], of vertices that are not where they have to be: at the speed at
+    /// which an edge of this length [m] changes in the longest stable step by the most that a step may change it (a
+    /// part of the speed of sound in the cloth), or at which they are there in a frame, whichever is faster. Neither
+    /// depends on the length of the steps.
     pub(crate) fn recovery_speed(&self, settings: &SolverSettings, edge: f64, dt: f64) -> RecoverySpeed {
         RecoverySpeed::new(dt, settings.largest_strain_per_step() * edge / self.elastic.min(self.frame), self.frame)
     }

@@ -20,8 +20,9 @@ pub(crate) const DEGENERATE_EDGE: f64 = 1e-9;
 /// Smallest rest area of a triangle relative to the square of its longest edge. Guarded by the validation tests.
 pub const DEGENERATE_AREA: f64 = 1e-10;
 
-/// How far vertices in one place that nothing joins are drawn into their triangles, as a share of the way to their middles. Rounding
-/// to single precision a hundred edges away from the origin is less; the eye sees nothing of it. Guarded by
+/// Displacement into their triangles of vertices in one place that nothing joins, as a share of the way to the
+/// middles of the triangles. Rounding to single precision a hundred edges away from the origin is less; the eye sees
+/// nothing of it. Guarded by
 /// `borders_in_one_place_move_into_their_own_panels_by_a_share_of_their_edges_and_are_named`.
 pub(crate) const SET_APART: f64 = 1e-4;
 
@@ -42,8 +43,8 @@ pub(crate) const FACING: f64 = -0.5;
 /// whole. Guarded by `cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part`.
 pub(crate) const PINCH_DRAG: f64 = 1e3;
 
-/// How far beside a surface a place is that tells whether another part of the body is there, as a share of the size of the
-/// triangles around it. Guarded by
+/// Distance beside a surface of the place that tells whether another part of the body is there, as a share of the
+/// size of the triangles around it. Guarded by
 /// `cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_opens`.
 pub(crate) const BESIDE_SURFACE: f64 = 1e-3;
 
@@ -97,8 +98,9 @@ pub(crate) const FAR_BOUND_THICKNESSES: f64 = 10.0;
 /// `vertices_bound_far_from_a_body_are_named_however_long_their_edges_are`.
 pub(crate) const FAR_BOUND: f64 = 0.05;
 
-/// By how much a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the frame for one more
-/// step. Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
+/// Fraction by which a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the
+/// frame for one more step. Guarded by
+/// `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub(crate) const STEP_OF_A_FRAME: f64 = 1e-9;
 
 /// Residual at which solves of the preset `preview` stop [m/s]: twice the largest that the solver chooses by itself, below what its
@@ -108,8 +110,8 @@ pub(crate) const PREVIEW_TOLERANCE: f64 = 2e-2;
 /// The earth's acceleration [m/s²], with which automatic tolerances and first guesses compare; scenes have their own.
 pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
 
-/// By which share a thickness that short edges lower has to differ from what was asked for: edges of one length differ by their
-/// rounding. Guarded by `short_edges_lower_the_thickness_to_their_share_as_any_ranks_say`.
+/// Fraction by which a thickness that short edges lower has to differ from the thickness that was asked for: edges of
+/// one length differ by their rounding. Guarded by `short_edges_lower_the_thickness_to_their_share_as_any_ranks_say`.
 pub(crate) const THICKNESS_ROUNDING: f64 = 1e-9;
 
 /// Stiffness that coarse levels give a vertex in the directions in which it is constrained, over the trace of its block: what is left of

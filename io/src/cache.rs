@@ -1,5 +1,5 @@
-//! What caches are to the rest of the program: a plan, and a writer that takes one frame after the other, in the file's own
-//! units and axes.
+//! Caches as the rest of the program sees them: a plan, and a writer that takes one frame after the other, in the
+//! file's own units and axes.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
 use crate::units::Units;
 
-/// What a cache will hold, known before its first frame.
+/// Planned content of a cache, known before its first frame.
 #[derive(Debug, Clone)]
 pub struct CachePlan<'a> {
     /// Name of the garment.
@@ -21,7 +21,8 @@ pub struct CachePlan<'a> {
     pub mesh: &'a GarmentMesh,
     /// Units and up axis of the file.
     pub units: Units,
-    /// What positions are counted from [m], Y up: that of the scene ([`drapery_core::scene::Scene::origin`]).
+    /// Point that positions are counted from [m], Y up: the origin of the scene
+    /// ([`drapery_core::scene::Scene::origin`]).
     pub origin: Vec3,
     /// Frame rate.
     pub timeline: Timeline,
@@ -35,7 +36,7 @@ pub struct CachePlan<'a> {
     pub normals: bool,
     /// Whether frames come with their number of crossings.
     pub crossings: bool,
-    /// Where there are samples between a frame and the next, as fractions of a frame, ascending, between 0 and 1.
+    /// Times of the samples between a frame and the next, as fractions of a frame, ascending, between 0 and 1.
     pub sub_frames: &'a [f64],
 }
 
@@ -52,7 +53,8 @@ impl CachePlan<'_> {
         }
     }
 
-    /// What stored positions are counted from, in the file's unit and axes; `None` where that is the origin of the world.
+    /// Returns the point that stored positions are counted from, in the file's unit and axes; `None` where it is the
+    /// origin of the world.
     pub fn file_origin(&self) -> Option<[f64; 3]> {
         // Adding zero turns a negative zero into the positive one.
         let in_file = || <[f64; 3]>::from(self.units.from_si(self.origin)).map(|c| c + 0.0);
@@ -94,30 +96,30 @@ pub struct CacheFrame<'a> {
     pub velocities: &'a [[f32; 3]],
     /// Normals at the points ([`crate::normals`]); empty when none are stored.
     pub normals: &'a [[f32; 3]],
-    /// How many edges of cloth pass through triangles of cloth in the positions as they are stored, in all garments of
-    /// the shot; given with every sample or never, as planned.
+    /// Number of edges of cloth that pass through triangles of cloth in the positions as they are stored, in all
+    /// garments of the shot; given with every sample or never, as planned.
     pub crossings: Option<u32>,
 }
 
-/// What a cache was after its last complete frame: enough to cut the file back to it and go on
+/// State of a cache after its last complete frame: enough to cut the file back to it and go on
 /// ([`crate::formats::ResumeCache`]).
 ///
-/// What that costs, for 1000 frames of 10⁵ points, with the file in memory (`io/tests/cost_of_continuing.rs`): Alembic
-/// reads the tables and a few bytes of every sample, below 0.1 s wherever the mark is. HDF5 looks at all frames after
-/// the mark and clears them, 0.4 s for 500 frames. Another last frame costs nothing in Alembic; in HDF5 the frames up to
-/// the mark are copied, 5 s for 500 frames, and both files need room for that time.
+/// Cost of going on, for 1000 frames of 10⁵ points, with the file in memory (`io/tests/cost_of_continuing.rs`):
+/// Alembic reads the tables and a few bytes of every sample, below 0.1 s wherever the mark is. HDF5 looks at all
+/// frames after the mark and clears them, 0.4 s for 500 frames. Another last frame costs nothing in Alembic; in HDF5
+/// the frames up to the mark are copied, 5 s for 500 frames, and both files need room for that time.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CacheMark {
     /// Name of the file, without its folder.
     pub file: String,
     /// Its last complete frame; none when there was none yet.
     pub last_frame: Option<i64>,
-    /// How many samples there were behind it, before the next frame.
+    /// Number of samples behind that frame, before the next one.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub sub_frame: usize,
     /// Size of the file [bytes]; without what was being written when the mark was taken.
     pub bytes: u64,
-    /// Where the tables of the last frame's commit begin [bytes from the start]; Alembic only.
+    /// Start of the tables of the last frame's commit [bytes from the start]; Alembic only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root: Option<u64>,
     /// Digest of what the file held, hexadecimal: over the tables of the commit (Alembic, and through them over every
@@ -132,7 +134,7 @@ impl CacheMark {
         Self { file, ..Self::default() }
     }
 
-    /// What comes next, as frame and sub-frame ([`CacheFrame`]).
+    /// Returns the sample that comes next, as frame and sub-frame ([`CacheFrame`]).
     pub(crate) fn next(&self, first_frame: i64, sub_frames: usize) -> (i64, usize) {
         match self.last_frame {
             None => (first_frame, 0),
@@ -160,7 +162,7 @@ pub trait CacheWriter: Send {
     /// The disk refuses; the frames before stay intact.
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError>;
 
-    /// What the file is after its last complete frame. To be kept where it survives the process, after
+    /// Returns the state of the file after its last complete frame. To be kept where it survives the process, after
     /// [`CacheWriter::sync`].
     fn mark(&self) -> CacheMark;
 

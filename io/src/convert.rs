@@ -30,7 +30,7 @@ pub use single::{bytes_of, write_shot};
 /// Frame rates that differ by less than this share are one.
 const SAME_RATE: f64 = 1e-5;
 
-/// What is to become of a cache.
+/// Request to convert a cache.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Conversion {
     /// The cache.
@@ -58,7 +58,7 @@ pub struct Conversion {
     pub overwrite: bool,
 }
 
-/// What a conversion has written.
+/// Outcome of a conversion.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
     /// First and last frame.
@@ -67,9 +67,9 @@ pub struct Converted {
     pub points: usize,
     /// Unit and axis of the new cache.
     pub units: Units,
-    /// What the old cache holds of these meshes and the new one does not, a sentence each.
+    /// Content of these meshes that the old cache holds and the new one does not, a sentence each.
     pub left_out: Vec<String>,
-    /// What is odd about the units of the old cache, a sentence each.
+    /// Doubts about the units of the old cache, a sentence each.
     pub doubts: Vec<String>,
 }
 
@@ -103,7 +103,8 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     Ok(Converted { frames, points: source.meshes[mesh].points, units: work.plan.units, left_out, doubts })
 }
 
-/// What is odd about the units of a cache, by what it says of them and by the size that these meshes have in their first sample.
+/// Finds doubts about the units of a cache, from its own statement of them and from the size that these meshes have
+/// in their first sample.
 fn doubts<'a>(
     conversion: &Conversion,
     source: &CacheFrames,
@@ -133,7 +134,7 @@ fn doubts<'a>(
     Ok(found)
 }
 
-/// What of a mesh the new format has no place for, a sentence each.
+/// Lists the properties of a mesh that the new format has no place for, a sentence each.
 fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
     let materials = data.material.is_some() || data.face_sets.iter().any(|set| set.material.is_some());
     let all = [
@@ -145,7 +146,7 @@ fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
     left.map(|(_, what)| format!("{}: {what} is left out: the format has no place for it", data.object_path)).collect()
 }
 
-/// What becomes of the samples of a mesh.
+/// Plans the cache that the samples of a mesh go into.
 fn plan<'a>(
     conversion: &Conversion,
     (source, mesh): (&CacheFrames, usize),
@@ -406,7 +407,7 @@ fn first_impossible(vectors: &[[f32; 3]]) -> Option<usize> {
     vectors.iter().position(|vector| vector.iter().any(|number| !number.is_finite()))
 }
 
-/// Where the new cache is written until it is whole; it keeps its extension.
+/// Returns the path at which the new cache is written until it is whole; it keeps its extension.
 fn aside(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();

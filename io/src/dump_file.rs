@@ -14,9 +14,9 @@ use crate::formats::hdf5::reserved;
 /// The names that the files of a shot repeat.
 #[derive(Debug, Clone)]
 pub struct Names {
-    /// Of the shot.
+    /// Name of the shot.
     pub shot: String,
-    /// Of its garments, in their order.
+    /// Names of its garments, in their order.
     pub garments: Vec<String>,
 }
 

@@ -17,17 +17,17 @@ pub enum TimeError {
     /// It is not a span.
     #[error("`{text}`: {what}\n  help: write a duration as 11h50m, 15m, 90s, or as a number of seconds")]
     Span {
-        /// What was written.
+        /// Text that was written.
         text: String,
-        /// What is wrong with it.
+        /// Fault in the text.
         what: String,
     },
     /// It is not a point of time.
     #[error("`{text}`: {what}\n  help: give seconds since 1970, as `date +%s` prints them")]
     Epoch {
-        /// What was written.
+        /// Text that was written.
         text: String,
-        /// What is wrong with it.
+        /// Fault in the text.
         what: String,
     },
 }

@@ -1,4 +1,4 @@
-//! What can go wrong with files: which file, what was being done, and what to do about it.
+//! Errors with files: the file, the operation that failed, and the remedy.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -30,28 +30,28 @@ pub enum IoError {
         /// Reason given by the system.
         source: std::io::Error,
     },
-    /// What is to be read is no file: a folder, a pipe, a socket or a device.
+    /// An input is not a file: it is a folder, a pipe, a socket or a device.
     #[error(
         "{}: this is {what}, not a file\n  \
          help: give a regular file; what comes out of a pipe has to be written into one first",
         path.display()
     )]
     NotAFile {
-        /// What was given.
+        /// Path that was given.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the thing at that path, as in "a folder".
         what: &'static str,
     },
-    /// What is to be replaced by a file is none: a folder, a pipe, a socket or a device.
+    /// An output would replace something other than a file: a folder, a pipe, a socket or a device.
     #[error(
         "{}: this is {what}, and a file would be put in its place\n  \
          help: give the name of a file, new or to be replaced; it can be copied into {what} when it is whole",
         path.display()
     )]
     OutputNotAFile {
-        /// What was given.
+        /// Path that was given.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the thing at that path, as in "a folder".
         what: &'static str,
     },
     /// A file was changed by another program while it was written.
@@ -63,7 +63,7 @@ pub enum IoError {
     OutputChanged {
         /// The file.
         path: PathBuf,
-        /// What has happened to it, as in "has removed this file".
+        /// Action of the other program on it, as in "has removed this file".
         what: String,
     },
     /// An output folder has a name that files of HDF5 cannot be written under.
@@ -118,9 +118,9 @@ pub enum IoError {
     NoRoom {
         /// The file.
         path: PathBuf,
-        /// What it takes [bytes].
+        /// Space that it takes [bytes].
         needed: u64,
-        /// What is free [bytes].
+        /// Free space [bytes].
         free: u64,
     },
     /// The output folder holds another run.
@@ -142,9 +142,9 @@ pub enum IoError {
     Locked {
         /// The lock.
         path: PathBuf,
-        /// Who holds it.
+        /// Holder of the lock.
         what: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
     /// The output folder was taken over by another run.
@@ -156,7 +156,7 @@ pub enum IoError {
     LockLost {
         /// The lock.
         path: PathBuf,
-        /// Who holds it now.
+        /// Present holder of the lock.
         taker: String,
     },
     /// The lock of a run, or the folder with it, is no longer under its name, and no other run has put its own there.
@@ -204,9 +204,9 @@ pub enum IoError {
         path: PathBuf,
         /// Line, object or element.
         place: String,
-        /// What is wrong.
+        /// Fault, in words.
         what: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
     /// A file refers to another one that is not there, or may not be read.
@@ -234,9 +234,9 @@ pub enum IoError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Finding, in words.
         what: String,
-        /// What would be accepted.
+        /// Alternative that would be accepted.
         advice: String,
     },
     /// An Alembic archive could not be read or written.

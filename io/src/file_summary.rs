@@ -1,14 +1,14 @@
-//! What a mesh or cache file holds, for `drapery info`; the table of formats says how it is found out.
+//! Content of a mesh or cache file, for `drapery info`; the table of formats says how it is found out.
 
 use drapery_core::Vec3;
 use serde::Serialize;
 
-/// What a file holds.
+/// Content of a file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FileSummary {
     /// Its format.
     pub format: &'static str,
-    /// Who wrote it, how it counts frames, and the like: name and value.
+    /// Its writer, its way to count frames, and the like: name and value.
     pub properties: Vec<(String, String)>,
     /// Its meshes.
     pub meshes: Vec<MeshSummary>,

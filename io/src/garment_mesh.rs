@@ -14,7 +14,7 @@ use crate::error::IoError;
 use crate::mesh_cut::into_triangles;
 use crate::mesh_data::MeshData;
 
-/// How the mesh of a garment is read.
+/// Reader of the mesh of a garment.
 pub trait GarmentReader: Send + Sync {
     /// Reads all of it.
     ///
@@ -174,7 +174,7 @@ impl MeshStream for GarmentMesh {
     }
 }
 
-/// What was seen of a mesh, and a digest of it.
+/// Numbers of points and faces seen of a mesh, and a digest of it.
 #[derive(Default)]
 struct Seen {
     points: usize,

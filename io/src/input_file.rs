@@ -122,7 +122,7 @@ pub fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> 
     Ok(read > 0)
 }
 
-/// What there is instead of a file.
+/// Names the thing that is there instead of a file.
 pub(crate) fn word(kind: FileType) -> &'static str {
     match () {
         () if kind.is_dir() => "a folder",

@@ -40,7 +40,7 @@ impl Preroll {
 /// A body or a pin target that moves by the samples of a file.
 #[derive(Debug)]
 pub struct InputMotion {
-    /// What it is in the scene, for messages: `body "hero"`.
+    /// Kind and name of it in the scene, for messages: `body "hero"`.
     pub label: String,
     /// Its file.
     pub source: MeshSource,

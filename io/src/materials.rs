@@ -38,7 +38,7 @@ use drapery_core::effects::tensile_curve::TensileCurve;
 pub struct Material {
     /// Its word in the scene file.
     pub name: Cow<'static, str>,
-    /// What it is.
+    /// Short description.
     pub summary: Cow<'static, str>,
     /// Mass per area [kg/m²].
     pub density: f64,
@@ -60,12 +60,12 @@ pub struct Material {
     pub damping_ratio: f64,
     /// Coulomb friction against bodies.
     pub friction: f64,
-    /// Where the numbers come from and what was done to them.
+    /// Source of the numbers, and the changes made to them.
     pub provenance: Cow<'static, str>,
 }
 
 impl Material {
-    /// How it stiffens in long steps, for springs; `None` if it does not.
+    /// Returns the curve by which it stiffens in long steps, for springs; `None` if it does not stiffen.
     ///
     /// # Errors
     /// Its numbers do not fit each other: what is wrong, and what to do.
@@ -103,7 +103,7 @@ impl MaterialSetting {
 /// When a material brings settings of an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TakesPart {
-    /// Where the garment asks for the effect.
+    /// If the garment asks for the effect.
     IfAskedFor,
     /// Always, and asks for the effect, unless the garment asks for this other one.
     Unless(&'static str),
@@ -116,7 +116,7 @@ pub struct MaterialEffect {
     pub effect: &'static str,
     /// When.
     pub takes_part: TakesPart,
-    /// Which settings.
+    /// Settings that the material brings.
     pub settings: &'static [MaterialSetting],
 }
 
@@ -134,7 +134,7 @@ const fn linearity(unless: &'static [&'static str]) -> MaterialSetting {
 const SPRINGS: &[&str] = &["stiffness", "spring_stiffness"];
 const THREADS: &[&str] = &["warp", "weft"];
 
-/// What materials bring, in every build: a garment whose effect is not in the build is refused.
+/// Effects of which materials bring settings, in every build: a garment whose effect is not in the build is refused.
 pub static EFFECTS: [MaterialEffect; 4] = [
     MaterialEffect {
         effect: "membrane",

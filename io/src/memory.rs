@@ -1,4 +1,4 @@
-//! How much memory this process takes, and how much it may still take.
+//! Memory that this process takes, and memory that it may still take.
 
 use std::fs;
 
@@ -20,7 +20,8 @@ fn kibibytes(table: &str, word: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What the control groups above this process leave (version 2, in which a limit holds for everything below it).
+/// Returns the memory that the control groups above this process leave (version 2, in which a limit holds for
+/// everything below it).
 fn of_group() -> Option<u64> {
     let table = fs::read_to_string("/proc/self/cgroup").ok()?;
     let path = table.lines().find_map(|line| line.strip_prefix("0::"))?.trim_matches('/').to_owned();
@@ -38,7 +39,7 @@ fn left_in(folder: &std::path::Path) -> Option<u64> {
     Some(number("memory.max")?.saturating_sub(number("memory.current")?))
 }
 
-/// What `ulimit -v` leaves.
+/// Returns the address space that `ulimit -v` leaves.
 fn of_address_space() -> Option<u64> {
     let limits = fs::read_to_string("/proc/self/limits").ok()?;
     let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;

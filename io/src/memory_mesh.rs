@@ -14,7 +14,7 @@ use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::sha256::hex;
 use crate::units::{StatedUnits, UpAxis};
 
-/// What the name of a mesh in memory has in front of it in a scene.
+/// Prefix of the name of a mesh in memory in a scene.
 pub const MEMORY: &str = "memory:";
 
 /// A mesh in memory.

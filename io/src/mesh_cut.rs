@@ -43,13 +43,13 @@ pub(crate) fn into_triangles(mut data: MeshData, mut triangles: Vec<[u32; 3]>) -
     data
 }
 
-/// Where the corners of each face begin.
+/// Returns the index of the first corner of each face.
 fn starts(counts: &[u32]) -> Vec<usize> {
     let begin = |sum: &mut usize, count: &u32| Some(std::mem::replace(sum, *sum + *count as usize));
     counts.iter().scan(0, begin).collect()
 }
 
-/// Which corners each triangle has; `None` if the triangles do not come in the order of their faces.
+/// Finds the corners of each triangle; `None` if the triangles do not come in the order of their faces.
 fn pieces(mesh: &PolygonMesh, triangles: &[[u32; 3]]) -> Option<Vec<Piece>> {
     let mut faces = mesh.faces().enumerate();
     let (mut face, mut corners) = faces.next()?;

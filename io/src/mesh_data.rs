@@ -40,7 +40,7 @@ pub struct FaceSet {
 pub struct BoundMaterial {
     /// Its path.
     pub path: String,
-    /// Where it only stands for another one: the path of that in the file that the mesh was first read from.
+    /// Path of the other material that it only stands for, if it does, in the file that the mesh was first read from.
     pub source: Option<String>,
     /// Whether it wins over what is bound further down.
     pub is_stronger: bool,
@@ -51,11 +51,12 @@ pub struct BoundMaterial {
 pub struct MeshParam {
     /// Its name.
     pub name: String,
-    /// What one value belongs to. Values of face corners are in Alembic's order, clockwise seen from outside.
+    /// Kind of element that one value belongs to. Values of face corners are in Alembic's order, clockwise seen from
+    /// outside.
     pub scope: Scope,
     /// Type of one value.
     pub data_type: DataType,
-    /// What the numbers mean, in Alembic's words; empty for plain numbers.
+    /// Meaning of the numbers, in Alembic's words; empty for plain numbers.
     pub interpretation: String,
     /// Name of a UV set, when it is one and has one.
     pub source_name: Option<String>,
@@ -80,14 +81,14 @@ pub struct MeshData {
     pub params: Vec<MeshParam>,
     /// The material that the mesh is bound to, in a format that has such bindings.
     pub material: Option<BoundMaterial>,
-    /// What the mesh is for, in USD's words (`render`, `proxy`, `guide`), where a cache says so.
+    /// Purpose of the mesh, in USD's words (`render`, `proxy`, `guide`), where a cache states it.
     pub purpose: Option<String>,
     /// Whether both sides of the mesh are rendered, in a format that says so.
     pub double_sided: Option<bool>,
     /// The garment that the mesh follows to be rendered in its place, where a cache says so.
     pub render_mesh_of: Option<String>,
-    /// How the mesh is subdivided where it is rendered, in USD's words (`none`, `catmullClark`, …); `None` where the format does
-    /// not say.
+    /// Subdivision of the mesh where it is rendered, in USD's words (`none`, `catmullClark`, …); `None` where the
+    /// format does not state it.
     pub subdivision: Option<String>,
     /// The triangles that faces with more corners were cut into, where that is known; by the solver's rule otherwise.
     pub triangles: Option<Vec<[u32; 3]>>,
@@ -148,13 +149,14 @@ pub trait MeshReader: Send {
     /// The file cannot be read or contradicts itself.
     fn check_attributes_at(&self, time: f64) -> Result<(), IoError>;
 
-    /// How faces and points hang together at a time [s], or `None` when the file promises that it never changes.
+    /// Returns the connectivity of faces and points at a time [s], or `None` when the file promises that it never
+    /// changes.
     ///
     /// # Errors
     /// The file cannot be read or contradicts itself.
     fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError>;
 
-    /// What the file says about its units; `None` for formats that have no place for it.
+    /// Returns the units that the file states; `None` for formats that have no place for them.
     fn stated_units(&self) -> Option<StatedUnits> {
         None
     }
@@ -169,12 +171,12 @@ pub trait MeshReader: Send {
         Vec::new()
     }
 
-    /// What somebody may want to know of the chosen objects, a sentence each.
+    /// Returns notes on the chosen objects that may interest the user, a sentence each.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// What the chosen objects have and [`MeshReader::mesh_at`] does not hand through, a sentence each.
+    /// Lists the data of the chosen objects that [`MeshReader::mesh_at`] does not hand through, a sentence each.
     fn left_out(&self) -> Vec<String> {
         Vec::new()
     }

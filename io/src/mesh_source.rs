@@ -80,7 +80,7 @@ impl MeshSource {
         self.reader.other_files()
     }
 
-    /// What somebody may want to know of it, object by object.
+    /// Returns notes on it that may interest the user, object by object.
     pub fn notes(&self) -> Vec<String> {
         self.reader.notes()
     }
@@ -101,7 +101,7 @@ impl MeshSource {
         Self { units, ..self }
     }
 
-    /// What the chosen objects have and is not handed through, a sentence each.
+    /// Lists the data of the chosen objects that is not handed through, a sentence each.
     pub fn left_out(&self) -> Vec<String> {
         self.reader.left_out()
     }
@@ -223,7 +223,7 @@ impl MeshSource {
         self.reader.check_attributes_at(time)
     }
 
-    /// How faces and points hang together at a time [s of the file]; `None` when it never changes.
+    /// Returns the connectivity of faces and points at a time [s of the file]; `None` when it never changes.
     ///
     /// # Errors
     /// The file is damaged.

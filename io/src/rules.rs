@@ -8,9 +8,9 @@
 pub struct Rule {
     /// Its word in the scene file.
     pub name: &'static str,
-    /// What it finds.
+    /// Condition that it finds.
     pub finds: &'static str,
-    /// What it takes for granted, and what it leaves alone.
+    /// Its assumptions, and the cases that it leaves alone.
     pub exactly: &'static str,
     /// The line of a scene that mends it, as an example.
     pub line: &'static str,

@@ -1,4 +1,4 @@
-//! What a scene file becomes: a scene with its files opened, and what is written of it.
+//! Result of reading a scene file: a scene with its files opened, and the output that is written of it.
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use crate::wind_file::WindFile;
 /// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
 pub const FRAMES: RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
 
-/// What the name of a garment's render mesh has behind that of the garment.
+/// Suffix of the name of a garment's render mesh, behind the name of the garment.
 pub const RENDER: &str = "_render";
 
 /// A mesh that is rendered in the place of a garment.
@@ -45,11 +45,11 @@ pub struct ShotDescription {
     pub scene_path: PathBuf,
     /// All files that are read, so that none is overwritten.
     pub input_files: Vec<PathBuf>,
-    /// Those of them that the scene does not name: other files refer to them, from whatever folder.
+    /// Input files that the scene does not name: other files refer to them, from whatever folder.
     pub referred_files: Vec<PathBuf>,
     /// Meshes in memory that it may name beside files.
     pub meshes: MemoryMeshes,
-    /// What is simulated.
+    /// Scene that is simulated.
     pub scene: SceneDescription,
     /// For each body of the scene its file; `None` for analytic shapes.
     pub bodies: Vec<Option<InputMotion>>,
@@ -65,13 +65,13 @@ pub struct ShotDescription {
     pub frames: [i64; 2],
     /// Frames before the first one.
     pub preroll: Preroll,
-    /// What is written.
+    /// Output that is written.
     pub output: OutputDescription,
     /// The scene with every default written out.
     pub resolved: String,
-    /// What is suspicious but was accepted.
+    /// Warnings about suspicious things that were accepted.
     pub warnings: Vec<String>,
-    /// What the rules of a scene look at besides.
+    /// Further data that the rules of a scene look at.
     pub check: CheckDescription,
     /// For each body what its faces and those of the cloth ask for; `None` for bodies that are no meshes. Shorter lists mean none.
     pub body_thickness: Vec<Option<BodyThickness>>,
@@ -80,14 +80,14 @@ pub struct ShotDescription {
 /// The thickness of a body that is a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyThickness {
-    /// What keeps the coarse faces of the body and of the cloth from showing through each other [m]
+    /// Thickness that keeps the coarse faces of the body and of the cloth from showing through each other [m]
     /// ([`drapery_core::geometry::coarseness`]).
     pub needed: f64,
     /// Whether the scene says the thickness itself.
     pub is_written: bool,
 }
 
-/// What a scene file says for the rules of [`crate::rules`], and nothing else looks at.
+/// Data of a scene file for the rules of [`crate::rules`], which nothing else looks at.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CheckDescription {
     /// Names of rules that the scene silences.
@@ -107,7 +107,7 @@ pub struct Fabric {
     pub friction: f64,
 }
 
-/// What a run writes.
+/// Output of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutputDescription {
     /// Words of [`crate::formats::FORMATS`].
@@ -116,7 +116,7 @@ pub struct OutputDescription {
     pub units: Units,
     /// Whether velocities are stored.
     pub velocities: bool,
-    /// Where there are samples between a frame and the next, as fractions of a frame, ascending.
+    /// Times of the samples between a frame and the next, as fractions of a frame, ascending.
     pub sub_frames: Vec<f64>,
     /// Whether the frames of the pre-roll are written too.
     pub preroll: bool,

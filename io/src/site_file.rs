@@ -28,7 +28,7 @@ use crate::checkpoint::Every;
 use crate::duration::parse_duration;
 use crate::scene_file::{self, PathMaps, SceneFileError};
 
-/// What a site file says.
+/// Content of a site file.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SiteFile {
@@ -40,10 +40,10 @@ pub struct SiteFile {
     pub resumable_exit_code: Option<u8>,
     /// Word for how a run ends that was stopped by SIGTERM; the command knows the words.
     pub on_term: Option<String>,
-    /// How often checkpoints are written.
+    /// Interval between checkpoints.
     #[serde(deserialize_with = "every")]
     pub checkpoint_every: Option<Every>,
-    /// How many of the last checkpoints are kept.
+    /// Number of the last checkpoints that are kept.
     pub keep: Option<NonZeroU16>,
     /// Time that a run may take.
     #[serde(deserialize_with = "duration")]

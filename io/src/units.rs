@@ -163,7 +163,7 @@ impl fmt::Display for InputUnits {
     }
 }
 
-/// What a file says about its own units.
+/// Units that a file states for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StatedUnits {
     /// Length of one unit [m], if it says so.
@@ -243,7 +243,7 @@ pub fn why_meant_in(general: Units, height: f64, read_in: InputUnits) -> Option<
     })
 }
 
-/// What holds where a file of a format that states units does not state them: USD's default.
+/// Units where a file of a format that states units does not state them: USD's default.
 pub const UNSTATED: InputUnits = InputUnits { metres: 0.01, up: UpAxis::Y };
 
 /// A vector of a file with Y up.
@@ -260,14 +260,15 @@ impl fmt::Display for Units {
     }
 }
 
-/// How far the sizes of two meshes that belong together may be apart, as a factor, before one looks as if it were in another unit.
+/// Largest factor between the sizes of two meshes that belong together, before one looks as if it were in another
+/// unit.
 const OTHER_UNIT: f64 = 5.0;
 
-/// How far from a unit the factor between two sizes may be, as a factor.
+/// Largest distance from a unit of the factor between two sizes, as a factor.
 const NEAR_UNIT: f64 = 1.5;
 
-/// By what factor two units that are taken for each other differ at least: metres and centimetres do by 100, of millimetres and
-/// centimetres a doll tells as little as of feet and centimetres.
+/// Smallest factor by which two units that are taken for each other differ: metres and centimetres do by 100, of
+/// millimetres and centimetres a doll tells as little as of feet and centimetres.
 const MISTAKEN: f64 = 50.0;
 
 /// Whether two sizes with this factor between them are about the same.

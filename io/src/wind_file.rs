@@ -22,7 +22,7 @@ use crate::input_file;
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
 const SAME_SAMPLE: f64 = 1e-3;
 
-/// What a file of wind has to hold.
+/// Advice on the content that a file of wind has to hold.
 const ADVICE: &str = "write the datasets origin (3), spacing (3), times (samples) and velocity (samples, z, y, x, 3), in \
                       metres and seconds with Y up; see docs/reference/wind_grid.md";
 
@@ -76,7 +76,7 @@ impl WindFile {
         Ok(Self { path: path.to_owned(), shape, times, velocity })
     }
 
-    /// Where the grid stands.
+    /// Returns the origin, the spacing and the numbers of nodes of the grid.
     pub fn shape(&self) -> WindGridShape {
         self.shape
     }
@@ -103,7 +103,7 @@ impl WindFile {
         Ok(samples)
     }
 
-    /// What is wrong with the samples that the frames up to `last_frame` use.
+    /// Finds a fault of the samples that the frames up to `last_frame` use.
     pub fn check(&self, timeline: Timeline, last_frame: i64) -> Option<Problem> {
         let (first, last) = (timeline.file_time(timeline.origin), timeline.file_time(last_frame));
         let place = format!("wind ({})", self.path.display());

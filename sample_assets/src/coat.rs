@@ -19,7 +19,7 @@ const FINER: usize = 2;
 pub const HALF_THICKNESS: f64 = 0.001;
 /// Heights of the collar's layers over the cloth at the neck \[m\], where it is sewn to the shell: no gap is seen between them.
 const COLLAR: [f64; 2] = [0.0012, 0.0032];
-/// How far down the collar reaches, as a share of the coat, and how much farther it stands off there \[m\].
+/// Reach of the collar downwards, as a share of the coat, and its added height over the cloth there \[m\].
 const COLLAR_DEPTH: (f64, f64) = (0.125, 0.0068);
 /// Buttons in a row down the front: how many, radius \[m\], height of lower and upper side over the cloth \[m\], corners. They are
 /// sewn on: the lower side lies in the outer layer of the shell.
@@ -167,7 +167,7 @@ pub fn coat() -> Garment {
     parts.garment("coat")
 }
 
-/// What is rendered in its place: `shell` with its `hems`, `collar` with `collar_hems`, and `buttons`.
+/// Returns the garment rendered in its place: `shell` with its `hems`, `collar` with `collar_hems`, and `buttons`.
 pub fn coat_render() -> Garment {
     let mut parts = Parts::default();
     let cells = CELLS.map(|cells| cells * FINER);

@@ -41,7 +41,7 @@ impl Fineness {
     }
 }
 
-/// What to make.
+/// Parameters of the assets to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Order {
     /// Points per length relative to the default, within [`RESOLUTIONS`].
@@ -85,7 +85,7 @@ pub enum ExportError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error reported by the system.
         source: std::io::Error,
     },
     /// An Alembic file could not be written.

@@ -145,7 +145,7 @@ impl Pose {
     }
 }
 
-/// Where the character stands: the path of the pelvis over the floor, its height change and its heading.
+/// Placement of the character: the path of the pelvis over the floor, its height change and its heading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Root {
     /// Displacement over the floor since the rest pose, x and z \[m\].

@@ -19,7 +19,7 @@ pub struct Pin {
 }
 
 impl Pin {
-    /// Where the pin holds its vertex for these body positions \[m\].
+    /// Returns the position at which the pin holds its vertex for these body positions \[m\].
     pub fn position(&self, body: &[Vec3]) -> Vec3 {
         let corners = self.body_vertices.map(|v| body[v]);
         let frame = tangent_frame(corners);

@@ -1,4 +1,4 @@
-//! What can be wrong with moving inputs, frame by frame: everything is reported at once, before anything is simulated.
+//! Checks of moving inputs, frame by frame: everything is reported at once, before anything is simulated.
 
 mod poses;
 pub(crate) mod rates;
@@ -125,7 +125,7 @@ fn extent(garment: &GarmentMesh) -> Option<f64> {
     Some((high - low).max())
 }
 
-/// What to write where a body has the size that it has in another unit.
+/// Returns the remedy to write where a body has the size that it has in another unit.
 fn unit_remedy(motion: &InputMotion, likely: Option<LengthUnit>, up: UpAxis) -> String {
     let of_body = motion.own_units || motion.source.states_length();
     match likely.map(LengthUnit::word) {
@@ -169,7 +169,8 @@ pub(crate) fn check_faces(
     problems
 }
 
-/// What is wrong with faces without area; those that may have lost it to rounding far from the origin are told from the others.
+/// Lists the problems of faces without area, separately for faces that may have lost it to rounding far from the
+/// origin.
 fn problems_of_flat_faces(triangles: &[[u32; 3]], positions: &[Vec3], place: &str) -> Vec<Problem> {
     let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
     let coarse = |corners: &&[u32; 3]| coarse_place(corners.map(at));

@@ -1,4 +1,4 @@
-//! What can go wrong with a shot.
+//! Errors of a shot.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ pub enum ShotError {
     /// The scene or its inputs are wrong; all problems.
     #[error("{0}")]
     Problems(Problems),
-    /// What was asked for is not in the shot: a garment, a body.
+    /// An object that was asked for is not in the shot: a garment, a body.
     #[error("{0}")]
     Unknown(String),
     /// The frames asked for cannot be simulated.
@@ -35,10 +35,10 @@ pub enum ShotError {
     Changed {
         /// The folder.
         folder: PathBuf,
-        /// What has changed.
+        /// Changes that were found.
         changes: Vec<String>,
     },
-    /// What the run that the folder holds depended on is not known.
+    /// The dependencies of the run that the folder holds are not known.
     #[error(
         "{}: this file is missing or damaged, and only it says whether the run in this folder is of the same shot\n  \
          help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes, which takes \
@@ -59,7 +59,7 @@ pub enum ShotError {
     OtherState {
         /// The checkpoint.
         path: PathBuf,
-        /// What does not fit.
+        /// Description of the mismatch.
         what: String,
     },
     /// A frame before the one that a run is told to go on after is not what was written.

@@ -1,5 +1,6 @@
-//! What went wrong, in the parts that a program needs: whose fault it is, as a number that never changes, and which object,
-//! frame and element are meant. The exit codes of the command, and the errors of every other door to the solver, are these.
+//! Faults, in the parts that a program needs: the party at fault, as a number that never changes, and the object,
+//! frame and element that are meant. The exit codes of the command, and the errors of every other door to the solver,
+//! are these.
 
 use std::fmt;
 use std::path::Path;
@@ -14,7 +15,7 @@ use crate::error::ShotError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FaultKind {
-    /// What was asked for is not possible, such as frames that the shot does not have.
+    /// A request is not possible, such as frames that the shot does not have.
     Usage = 2,
     /// An input holds data that cannot be used.
     BadInput = 65,
@@ -34,7 +35,7 @@ pub enum FaultKind {
     SolverGaveUp = 80,
 }
 
-/// What went wrong.
+/// Description of an error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// Whose fault it is.
@@ -90,7 +91,7 @@ impl fmt::Display for Fault {
 impl std::error::Error for Fault {}
 
 impl FaultKind {
-    /// Of an error of files.
+    /// Returns the kind of an error of files.
     pub fn of_io(error: &IoError) -> Self {
         match error.kind() {
             IoErrorKind::MissingInput => Self::MissingInput,
@@ -101,7 +102,7 @@ impl FaultKind {
         }
     }
 
-    /// Of an error of a shot.
+    /// Returns the kind of an error of a shot.
     pub fn of_shot(error: &ShotError) -> Self {
         match error {
             ShotError::Io(error) => Self::of_io(error),
@@ -116,7 +117,7 @@ impl FaultKind {
         }
     }
 
-    /// Of all that is wrong with a scene file.
+    /// Returns the kind for all errors of a scene file together.
     pub fn of_scene(errors: &[SceneFileError]) -> Self {
         let has = |kind: SceneErrorKind| errors.iter().any(|error| error.kind == kind);
         match () {

@@ -19,15 +19,15 @@ pub(crate) type FrameDigests = BTreeMap<String, GarmentDigests>;
 /// Digests of what is stored of a garment in a frame, SHA-256, hexadecimal.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GarmentDigests {
-    /// Of the positions.
+    /// Digest of the positions.
     pub positions: String,
-    /// Of the velocities, where they are stored.
+    /// Digest of the velocities, where they are stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocities: Option<String>,
 }
 
 impl GarmentDigests {
-    /// Of positions, and of velocities if there are any.
+    /// Computes the digests of positions, and of velocities if there are any.
     pub fn of(positions: &[[f32; 3]], velocities: &[[f32; 3]]) -> Self {
         let velocities = (!velocities.is_empty()).then(|| digest_of(velocities));
         Self { positions: digest_of(positions), velocities }

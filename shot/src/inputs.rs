@@ -21,12 +21,12 @@ pub(super) struct Inputs {
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
-    /// Where there are samples between a frame and the next, as fractions of a frame, from this frame on.
+    /// Samples between a frame and the next, as fractions of a frame, and the frame from which on there are some.
     pub(super) sub_frames: (Vec<f64>, i64),
 }
 
 impl Inputs {
-    /// What the solver needs to reach a frame.
+    /// Collects the input that the solver needs to reach a frame.
     pub(super) fn at(&self, frame: i64) -> Result<FrameInput, IoError> {
         let samples = |motion: &InputMotion| motion.samples(self.timeline, self.preroll, frame);
         let bodies =

@@ -12,14 +12,14 @@ const MANY: f64 = 1e4;
 /// Steps of a frame that are refused: even of a single triangle it would take minutes, of a garment days.
 const MOST: f64 = 1e7;
 
-/// How many times the planned steps a frame may take. Steps are shortened up to 512 times where collisions are hard, and that
-/// seldom for a whole frame.
+/// Factor over the planned steps that a frame may take. Steps are shortened up to 512 times where collisions are
+/// hard, and that seldom for a whole frame.
 const EXCESS: f64 = 1e3;
 
 /// Steps that every frame may take: where cloth sets no limit, one is planned.
 const LEAST: f64 = 1e5;
 
-/// How long a run is silent within a frame.
+/// Time for which a run is silent within a frame.
 const SILENCE: Duration = Duration::from_secs(10);
 
 /// Frames that the scene's settings make long: a warning, or a problem where no machine would finish one.
@@ -62,7 +62,8 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Of the frame to which the simulation goes next, after so many of its states.
+    /// Starts to watch the frame to which the simulation goes next; `states` counts the states that it already has on
+    /// the way there.
     pub(super) fn start(simulation: &Simulation, states: u64) -> Self {
         let most = (EXCESS * simulation.planned_steps().steps).max(LEAST);
         // Below 10^10, by what is refused before.
@@ -98,7 +99,7 @@ impl Watch {
 mod tests {
     use super::*;
 
-    /// What is said, and whether it is refused.
+    /// Returns the message, and whether the frame is refused.
     fn judged(steps: f64, longest: f64, because: &str) -> (String, bool) {
         let planned = PlannedSteps { steps, longest, because: because.to_owned() };
         let mut warnings = Vec::new();

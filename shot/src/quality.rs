@@ -62,7 +62,7 @@ pub(crate) const CROSSINGS_OTHER_DIAGONAL: &str = "crossings_other_diagonal";
 pub struct Exceeded {
     /// Its name.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the count.
     pub meaning: &'static str,
     /// Total of all frames.
     pub total: u64,
@@ -70,7 +70,7 @@ pub struct Exceeded {
     pub first_frame: i64,
 }
 
-/// What is said when a count rises for the first time; the total is then that of the frame.
+/// Returns the message about a count that rises for the first time; the total is then the total of the frame.
 pub fn first_rise(limit: &Exceeded) -> String {
     let Exceeded { name, meaning, total, first_frame } = limit;
     format!("frame {first_frame}: {name} is {total} and should stay zero: {meaning}")

@@ -19,7 +19,7 @@ use crate::run_record::reader::{FrameRow, Record, gaps};
 pub struct RecordedCache<'a> {
     /// The file.
     pub path: &'a Path,
-    /// Where the tables of the commit stand that is looked at; the last one when `None`. Alembic only.
+    /// Position of the tables of the commit that is looked at; the last commit when `None`. Alembic only.
     pub root: Option<u64>,
     /// The garment that it holds, as the record calls it.
     pub garment: &'a str,
@@ -33,11 +33,11 @@ pub struct FrameFault {
     pub path: PathBuf,
     /// The frame.
     pub frame: i64,
-    /// What is wrong with it.
+    /// Description of the fault.
     pub what: String,
 }
 
-/// What a comparison came to.
+/// Result of a comparison.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Compared {
     /// Frames that are what was written.
@@ -76,8 +76,8 @@ impl RecordedCache<'_> {
         Ok(compared)
     }
 
-    /// What is wrong with the samples between a frame and the next. Behind the last frame fewer may be there than were recorded: those
-    /// of a frame that is being computed.
+    /// Finds a fault of the samples between a frame and the next. Behind the last frame fewer may be there than were
+    /// recorded: the samples of a frame that is being computed.
     fn fault_behind(&self, cache: &CacheFrames, row: &FrameRow, is_last: bool) -> Option<String> {
         let mesh = &cache.meshes[0];
         let behind = || mesh.between.iter().enumerate().filter(|(_, at)| at.frame == row.frame);
@@ -97,7 +97,7 @@ impl RecordedCache<'_> {
     }
 }
 
-/// What is wrong with a frame.
+/// Finds a fault of a frame.
 fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Option<String> {
     let Ok(sample) = cache.meshes[0].frames.binary_search(&row.frame) else {
         return Some("it is missing".to_owned());
@@ -105,7 +105,7 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
     fault_of(cache, sample, digests, row.counts.get(CROSSINGS_WRITTEN).copied())
 }
 
-/// What is wrong with a sample, of which so many crossings were counted, if that is known.
+/// Finds a fault of a sample; `counted` is its number of crossings, if that is known.
 fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counted: Option<u64>) -> Option<String> {
     let Ok(stored) = cache.samples.frame(0, sample) else {
         return Some("it cannot be read".to_owned());

@@ -18,7 +18,7 @@ use drapery_io::units::Units;
 use crate::error::ShotError;
 use crate::farm::stop::{Request, StopRequests};
 
-/// What all ranks do next.
+/// Next action of all ranks.
 #[derive(Debug, Clone)]
 enum Command {
     /// Start threads: so many, or as each rank finds right.
@@ -171,7 +171,7 @@ impl RemoteSimulation {
         Ok(cost)
     }
 
-    /// What all ranks agree on when this is asked for here.
+    /// Returns the request on which all ranks agree when `own` is asked for here.
     pub(super) fn agree(&self, own: Option<Request>) -> Option<Request> {
         announce(&self.ranks, Command::Agree);
         agree(&self.ranks, own)
@@ -215,7 +215,7 @@ impl RemoteSimulation {
 /// returns their number. To be called by rank 0, once; returns the number of threads of every rank.
 ///
 /// # Errors
-/// What went wrong on the first rank on which something did.
+/// The error of the first rank on which something went wrong.
 pub fn start_threads(
     ranks: &Ranks,
     count: Option<usize>,
@@ -237,8 +237,8 @@ pub fn shut_down(ranks: &Ranks, code: u8) {
     announce(ranks, Command::End { code });
 }
 
-/// What a rank other than 0 does: whatever rank 0 commands, until the end. `requests` are those that come to this rank, such as
-/// signals; `start_threads` is what [`start_threads`] calls here. Returns the exit code.
+/// Runs a rank other than 0: carries out the commands of rank 0, until the end. `requests` are the requests that come
+/// to this rank, such as signals; [`start_threads`] calls the parameter `start_threads` here. Returns the exit code.
 ///
 /// # Panics
 /// Rank 0 gives commands in an impossible sequence, which is a fault of the program.
@@ -257,7 +257,7 @@ pub fn worker_loop(
     }
 }
 
-/// What a rank other than 0 has.
+/// State of a rank other than 0.
 #[derive(Default)]
 struct Worker {
     scene: Option<Scene>,

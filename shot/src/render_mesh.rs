@@ -28,16 +28,16 @@ pub(crate) struct RenderMesh {
     binding: SurfaceBinding,
 }
 
-/// What may be wrong with a binding.
+/// Possible faults of a binding.
 #[derive(Debug)]
 pub(crate) struct JudgedBinding {
-    /// What it is about, for messages.
+    /// Object that it is about, for messages.
     pub(crate) object: String,
     /// Number of points.
     pub(crate) points: usize,
     /// Distance from the cloth at rest above which points are counted [m].
     pub(crate) max_distance: f64,
-    /// How many points are farther.
+    /// Number of points that are farther.
     pub(crate) far: usize,
     /// The farthest of them, and its distance [m].
     pub(crate) farthest: Option<(usize, f64)>,
@@ -52,13 +52,13 @@ pub(crate) struct JudgedBinding {
 }
 
 impl JudgedBinding {
-    /// What is said of points that belong to no face, if there are any.
+    /// Returns the message about points that belong to no face, if there are any.
     pub(crate) fn loose_in_words(&self) -> Option<String> {
         (self.loose > 0).then(|| format!("{}: {} points belong to no face", self.object, self.loose))
     }
 }
 
-/// What caches store of a render mesh in a frame.
+/// Data that caches store of a render mesh in a frame.
 pub(crate) struct Positioned {
     pub(crate) positions: Vec<[f32; 3]>,
     /// Empty where none are asked for.
@@ -116,7 +116,7 @@ impl RenderMesh {
         self.faces.face_counts.iter().map(|corners| (*corners as usize).saturating_sub(2)).sum()
     }
 
-    /// What a sample takes in a cache: positions, normals, and velocities where they are stored [bytes].
+    /// Returns the size of a sample in a cache: positions, normals, and velocities where they are stored [bytes].
     pub(crate) fn bytes_per_sample(&self, velocities: bool) -> usize {
         self.mesh.point_count() * size_of::<[f32; 3]>() * (2 + usize::from(velocities))
     }

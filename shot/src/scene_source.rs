@@ -8,13 +8,13 @@ use drapery_io::scene_file::{self, SceneFile, SceneFileError, SearchPaths};
 use crate::fault::Fault;
 use crate::shot::Shot;
 
-/// Where a scene comes from, and what is set in it. Nothing is read before somebody asks.
+/// Source of a scene, and the values set in it. Nothing is read before somebody asks.
 #[derive(Debug, Clone)]
 pub struct SceneSource {
     text: Text,
     /// Values that are set in it: a parameter or a dotted key, and its value, as `--set` has them.
     pub settings: Vec<(String, String)>,
-    /// Where files that it names are found.
+    /// Paths on which files that it names are found.
     pub search: SearchPaths,
     /// Meshes in memory, which it names `memory:NAME` in the place of files.
     pub meshes: MemoryMeshes,

@@ -29,15 +29,15 @@ pub struct Session {
     moved: Vec<Moved>,
     /// States free of collisions since the last frame.
     sub_step: u64,
-    /// What was done since the last frame.
+    /// Work done since the last frame.
     so_far: Option<FrameSummary>,
     /// Positions [m] and velocities [m/s] of each garment that somebody has looked at since the state changed.
     views: Vec<[Option<Vec<Vec3>>; 2]>,
-    /// What was done to reach the present frame.
+    /// Work done to reach the present frame.
     summary: Option<FrameSummary>,
 }
 
-/// Where the program has a body [m]; where nothing is said, the scene moves it.
+/// Places of a body set by the program [m]; where nothing is said, the scene moves it.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Moved {
     /// At the last frame.
@@ -65,7 +65,7 @@ impl SavedState {
     }
 }
 
-/// How far a session has come.
+/// Progress of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
     /// The frame is reached; [`Session::summary`] says what was done.
@@ -104,7 +104,7 @@ impl Session {
         Ok(self.shot()?.simulation().frame())
     }
 
-    /// What was done to reach it; `None` at the start, and where a file was restored.
+    /// Returns the work done to reach it; `None` at the start, and where a file was restored.
     pub fn summary(&self) -> Option<&FrameSummary> {
         self.summary.as_ref()
     }

@@ -44,7 +44,7 @@ pub struct Shot {
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// What a shot is called, where it ends and what it writes.
+/// Name, end and output of a shot.
 #[derive(Debug)]
 pub(crate) struct About {
     pub(crate) name: String,
@@ -71,7 +71,7 @@ pub(crate) struct About {
     pub(crate) resolved: String,
 }
 
-/// How large a render mesh is.
+/// Size of a render mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenderMeshSize<'a> {
     /// Its name, by which its caches are called.
@@ -82,7 +82,7 @@ pub struct RenderMeshSize<'a> {
     pub points: usize,
     /// Number of triangles that its faces are cut into.
     pub triangles: usize,
-    /// What a sample of it takes in a cache [bytes].
+    /// Size of a sample of it in a cache [bytes].
     pub bytes_per_sample: usize,
 }
 
@@ -178,7 +178,7 @@ impl Shot {
         Ok(Self { remote_simulation, inputs, garments, written, render_meshes, about, warnings })
     }
 
-    /// What is suspicious but was accepted.
+    /// Returns warnings about suspicious input that was accepted.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
@@ -213,7 +213,7 @@ impl Shot {
         self.about.timeline
     }
 
-    /// What is written.
+    /// Returns the description of the output.
     pub fn output(&self) -> &OutputDescription {
         &self.about.output
     }
@@ -229,7 +229,7 @@ impl Shot {
         single_layer::path(&self.about.output, &self.about.name, folder)
     }
 
-    /// What positions in the caches are counted from [m].
+    /// Returns the origin of the positions in the caches [m].
     pub fn origin(&self) -> Vec3 {
         self.simulation().scene().origin()
     }
@@ -244,7 +244,7 @@ impl Shot {
         &self.about.resolved
     }
 
-    /// What the shot depends on: the scene, its inputs and the program.
+    /// Computes the fingerprint of the dependencies of the shot: the scene, its inputs and the program.
     ///
     /// # Errors
     /// An input cannot be read.
@@ -291,7 +291,7 @@ fn cut(garments: &[GarmentMesh]) -> Result<Vec<GarmentMesh>, IoError> {
     garments.iter().map(GarmentMesh::cut).collect()
 }
 
-/// What crosses at the start along diagonals that the solver does not take.
+/// Finds crossings at the start along diagonals that the solver does not take.
 fn start_cuts(
     written: &[GarmentMesh],
     inputs: &Inputs,

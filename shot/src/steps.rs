@@ -16,7 +16,7 @@ use crate::remote_simulation::RemoteSimulation;
 /// A frame that is done.
 #[derive(Debug, Clone)]
 pub struct SteppedFrame {
-    /// What the solver reports.
+    /// Report of the solver.
     pub summary: FrameSummary,
     /// Seconds that reading its inputs and simulating it took.
     pub seconds: f64,

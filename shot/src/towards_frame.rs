@@ -7,7 +7,7 @@ use crate::farm::stop::Request;
 use crate::long_frames::Watch;
 use crate::remote_simulation::RemoteSimulation;
 
-/// How far an advance came.
+/// Point that an advance reached.
 pub(crate) enum Reached {
     /// The frame; this is what was done since the one before.
     Frame(Box<FrameSummary>),

@@ -30,7 +30,7 @@ pub(crate) struct OtherCut {
 }
 
 impl OtherCut {
-    /// What crosses, and where.
+    /// Describes the objects that cross, and the place.
     pub(crate) fn in_words(&self) -> String {
         let Self { garment, other, is_body, count, first } = self;
         let with = match (is_body, garment == other) {
@@ -44,7 +44,7 @@ impl OtherCut {
         )
     }
 
-    /// What to write.
+    /// Returns the remedy to write in the scene.
     pub(crate) fn line(&self) -> &'static str {
         match self.is_body {
             true => "a larger `thickness` at the body",
@@ -120,7 +120,8 @@ impl WrittenFaces {
         self.garments[garment].search.place(stored.iter().map(|p| Vec3::from(p.map(f64::from))));
     }
 
-    /// What crosses along another diagonal than the solver's: garments at their places, bodies where they stand now.
+    /// Finds crossings along another diagonal than the solver's: garments at their places, bodies where they stand
+    /// now.
     pub(crate) fn find(&mut self, simulation: &Simulation) -> Vec<OtherCut> {
         let (units, origin) = (self.units, self.origin);
         for (number, body) in &mut self.bodies {
@@ -145,7 +146,7 @@ impl WrittenFaces {
     }
 }
 
-/// What is said of crossings of edges of the first with triangles of the second, and the other way round.
+/// Describes crossings of edges of the first with triangles of the second, and the other way round.
 fn other_cut((one, other): (&Object, &Object), is_body: bool, lists: [Vec<Crossing>; 2]) -> Option<OtherCut> {
     let [through, back] = &lists;
     let first = match (through.first(), back.first()) {

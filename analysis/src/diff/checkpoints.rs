@@ -10,7 +10,8 @@ use drapery_io::input_file;
 
 use super::{DatasetDifference, PartComparison, Verdict, WorstVertex};
 
-/// What only checkpoints begin with: the seal is checked before the HDF5 library sees a byte of a damaged file.
+/// First bytes of checkpoints, and of no other file: the seal is checked before the HDF5 library sees a byte of a
+/// damaged file.
 const SEAL: &[u8] = b"Drapery checkpoint ";
 
 /// Array of positions: only its differences are distances.
@@ -71,7 +72,7 @@ fn compare_sections(a: &[Section], b: &[Section], frame: i64, part: &mut PartCom
     }
 }
 
-/// What only one side has.
+/// Lists the names that only one side has, with the side.
 fn missing(a: Vec<String>, b: Vec<String>) -> Vec<String> {
     let only = |these: &[String], others: &[String], side: &str| -> Vec<String> {
         these.iter().filter(|name| !others.contains(name)).map(|name| format!("{name} is only in the {side}")).collect()
@@ -108,7 +109,8 @@ fn farthest(name: &str, a: &[f64], b: &[f64], frame: i64) -> Option<WorstVertex>
     Some(WorstVertex { mesh: name.to_owned(), vertex, frame, behind: 0.0, distance })
 }
 
-/// How many values differ, the first of them, and by how much at most; without a name. `None` for other types.
+/// Returns the number of values that differ, the first of them, and the largest difference; without a name. `None`
+/// for other types.
 fn differences(a: &Values, b: &Values) -> Option<DatasetDifference> {
     Some(match (a, b) {
         // Bits, not values: a state that goes on differs already if the sign of a zero does.

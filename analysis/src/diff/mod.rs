@@ -1,4 +1,4 @@
-//! How far two results are from each other: caches, checkpoints, or whole run folders.
+//! Distance between two results: caches, checkpoints, or whole run folders.
 //!
 //! Caches may be of different formats, units and axes: both sides are compared in metres with Y up, frame by frame and
 //! vertex by vertex. Files with the same bytes are not opened at all, unless they are layers of USD, which may refer to others.
@@ -19,7 +19,7 @@ use serde::Serialize;
 /// Bytes that are compared at a time.
 const BLOCK: usize = 1 << 16;
 
-/// What a comparison says in one word.
+/// Outcome of a comparison in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -52,7 +52,7 @@ pub struct Comparison {
     pub verdict: Verdict,
     /// Largest distance that was allowed [m].
     pub tolerance: f64,
-    /// What was compared with what.
+    /// Comparison of each pair of files.
     pub parts: Vec<PartComparison>,
 }
 
@@ -63,9 +63,9 @@ pub struct PartComparison {
     pub a: String,
     /// Second file.
     pub b: String,
-    /// What came of it.
+    /// Outcome of the comparison.
     pub verdict: Verdict,
-    /// What the two sides do not have in common, and differences that are no distances.
+    /// Items that the two sides do not have in common, and differences that are not distances.
     pub notes: Vec<String>,
     /// Vertex that is farthest from its like, if any is away from it at all.
     pub worst: Option<WorstVertex>,
@@ -80,7 +80,7 @@ pub struct PartComparison {
 pub struct FrameDistance {
     /// The frame.
     pub frame: i64,
-    /// How far behind it the sample is, in frames: 0 for the frame itself.
+    /// Offset of the sample behind the frame, in frames: 0 for the frame itself.
     pub behind: f64,
     /// Largest distance between a vertex and its like [m].
     pub max: f64,
@@ -103,13 +103,13 @@ pub struct WorstVertex {
     pub vertex: usize,
     /// Frame; that of the checkpoint, for one.
     pub frame: i64,
-    /// How far behind it the sample is, in frames.
+    /// Offset of the sample behind the frame, in frames.
     pub behind: f64,
     /// Distance [m].
     pub distance: f64,
 }
 
-/// How an array of a checkpoint differs.
+/// Difference of an array of a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DatasetDifference {
     /// Section and array: `state/positions`.

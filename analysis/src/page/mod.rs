@@ -1,5 +1,5 @@
-//! What the pages that Drapery writes are made of: one file each that needs nothing else, no script, no font, no picture
-//! from elsewhere. Charts are SVG whose colours follow the reader's light or dark style.
+//! Building blocks of the pages that Drapery writes: each page is one file that needs nothing else, no script, no
+//! font, no picture from elsewhere. Charts are SVG whose colours follow the reader's light or dark style.
 
 pub(crate) mod axis;
 pub(crate) mod plot;
@@ -8,7 +8,7 @@ pub(crate) mod text;
 
 use text::escape;
 
-/// How pages look, light and dark.
+/// Style of pages, light and dark.
 const STYLE: &str = include_str!("style.css");
 
 /// Stages that get a colour of their own.

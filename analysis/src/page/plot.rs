@@ -156,7 +156,7 @@ impl Plot {
         self.body += &rect("beyond", [from, self.top, (self.right - from).max(0.0), self.ground - self.top], "");
     }
 
-    /// What a pointer over the field between two values of x tells.
+    /// Adds the tooltip of the field between two values of x.
     pub(crate) fn tip(&mut self, [from, to]: [f64; 2], tip: &str) {
         let (from, to) = (self.x(from), self.x(to));
         self.body += &rect("tip", [from, self.top, to - from, self.ground - self.top], tip);

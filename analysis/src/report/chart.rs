@@ -13,7 +13,7 @@ const MARK: [f64; 2] = [3.0, 8.0];
 /// Marks in a row below the frames.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Lane {
-    /// What they are.
+    /// Name of the marks.
     pub(super) name: &'static str,
     /// Class of the marks in the style.
     pub(super) class: &'static str,
@@ -63,7 +63,7 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// What a pointer over each column tells.
+    /// Adds the tooltip of each column.
     pub(super) fn tips(&mut self, tip: impl Fn(&Column) -> String) {
         for (index, column) in self.columns.iter().enumerate() {
             self.plot.tip([index as f64, index as f64 + 1.0], &tip(column));

@@ -1,4 +1,4 @@
-//! What a run folder tells: its state for `drapery status`, and the page of `drapery report`.
+//! Information from a run folder: its state for `drapery status`, and the page of `drapery report`.
 //!
 //! The page is one file that needs nothing else: no script, no font, no picture from elsewhere. Charts are SVG whose
 //! colours follow the reader's light or dark style; what a column stands for is in its tooltip. The same folder gives

@@ -18,7 +18,7 @@ const MARGIN: f64 = 0.04;
 /// Light that comes from everywhere.
 const AMBIENT: f64 = 0.38;
 
-/// How much darker the far side of cloth is, so that inside and outside can be told apart.
+/// Factor on the brightness of the far side of cloth, so that inside and outside can be told apart.
 const BACK: f64 = 0.8;
 
 /// Colours are multiples of this: such pictures are much smaller as files, and look the same.
@@ -48,7 +48,7 @@ pub(super) struct Picture {
     pub(super) pixels: Vec<u8>,
 }
 
-/// Where the camera stands, and how large things appear.
+/// Position of the camera, and scale at which things appear.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct View {
     centre: Vec3,

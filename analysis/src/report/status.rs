@@ -1,4 +1,4 @@
-//! How far a run is, for `drapery status`. Reads only; a run that is being written is not disturbed.
+//! Progress of a run, for `drapery status`. Reads only; a run that is being written is not disturbed.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -18,7 +18,7 @@ const RATE_FRAMES: usize = 10;
 /// Word for a process that has certainly ended.
 const GONE: &str = "gone";
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
     /// Name of the shot.
@@ -51,7 +51,7 @@ pub struct Status {
     pub steps_tried_again: u64,
     /// Frames whose counts are not known, as ranges: nobody can say whether these hold more such counts.
     pub uncounted: Vec<[i64; 2]>,
-    /// What attempts have set aside, if they have.
+    /// Number and size of the things that attempts have set aside, if they have.
     pub stale: Option<Stale>,
     /// The process that works on it; rank 0 of several.
     pub process: Option<Process>,
@@ -66,7 +66,7 @@ pub struct Status {
 pub struct Degradation {
     /// Its name.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the count.
     pub meaning: &'static str,
     /// Total of all frames so far.
     pub total: u64,

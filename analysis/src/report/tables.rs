@@ -109,7 +109,8 @@ fn troubles(run: &RunFolder, level: &str) -> String {
     found.into_iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// How far each garment was stretched, in the order in which they appear; nothing for runs that do not say it.
+/// Returns a table of the strain of each garment, in the order in which they appear; nothing for runs that do not say
+/// it.
 pub(super) fn strains(rows: &[FrameRow]) -> String {
     let mut worst: Vec<(&str, [(f64, i64); 2])> = Vec::new();
     for (frame, found) in rows.iter().flat_map(|row| row.strains.iter().map(|found| (row.frame, found))) {
@@ -137,7 +138,8 @@ pub(super) fn strains(rows: &[FrameRow]) -> String {
     section("Strain by garment", note, &heads, &worst.iter().map(line).collect::<Vec<_>>())
 }
 
-/// Where the time went: in a run on several ranks the mean, and the least and the most of one.
+/// Returns a table of the time spent in each stage: in a run on several ranks the mean, and the least and the most of
+/// one rank.
 pub(super) fn stages(rows: &[FrameRow]) -> String {
     let mut totals: Vec<StageRow> = Vec::new();
     for stage in rows.iter().flat_map(|row| &row.stages) {
@@ -226,7 +228,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
     format!("<section><h2>Attempts and checkpoints</h2><div class=\"card\">{checkpoints}{attempts}</div></section>\n")
 }
 
-/// What checkpoints there were and what they took.
+/// Describes the checkpoints of a run and the time and space that they took.
 fn checkpoints(run: &RunFolder) -> String {
     let (mut count, mut seconds, mut slowest, mut largest) = (0_u64, 0.0, 0.0_f64, 0);
     for event in &run.record.events {
@@ -257,7 +259,7 @@ fn checkpoints(run: &RunFolder) -> String {
     text
 }
 
-/// What was run, by what.
+/// Returns a table of the scene that was run, and of the command and the program that ran it.
 pub(super) fn provenance(run: &RunFolder) -> String {
     let manifest = &run.manifest;
     let files: Vec<&str> = manifest.garments.iter().flat_map(|garment| &garment.files).map(String::as_str).collect();

@@ -1,4 +1,4 @@
-//! What the time of a study allowed, and what the rest would take.
+//! Part of a study that its time allowed, and time that the rest would take.
 
 use crate::page::text;
 use crate::study::record::Study;
@@ -42,7 +42,7 @@ pub(super) fn words(study: &Study) -> Vec<String> {
     words
 }
 
-/// How many runs are missing.
+/// Returns the number of missing runs, as the start of a sentence.
 fn runs(study: &Study) -> String {
     match study.omitted.iter().filter(|omission| !omission.are_repeats).count() {
         0 => "Repeats that tell how steady times are were".to_owned(),

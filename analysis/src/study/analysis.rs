@@ -1,5 +1,5 @@
-//! What follows from the record of a study: how far errors can be told, orders of convergence, the front of settings that
-//! no other one beats, and what to take.
+//! Conclusions from the record of a study: how far errors can be told, orders of convergence, the front of settings
+//! that no other one beats, and the recommended setting.
 
 use std::collections::BTreeMap;
 
@@ -53,7 +53,7 @@ pub struct Row<'a> {
     pub is_sound: bool,
 }
 
-/// How far a run is from what it is compared with, over the window.
+/// Distance of a run from the states that it is compared with, over the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Error {
     /// Root of the mean over frames of the squared area-weighted RMS distance [m].
@@ -68,11 +68,11 @@ pub struct Error {
     pub normal_rms: f64,
     /// Largest distance of the surfaces, where meshes differ [m].
     pub surface: Option<f64>,
-    /// What can be said of it.
+    /// Validity of the error.
     pub validity: Validity,
 }
 
-/// What can be said of an error.
+/// Validity of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Validity {
     /// It is what it says.
@@ -88,7 +88,7 @@ pub enum Validity {
 /// A straight line through errors of settings that differ in their steps alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ladder {
-    /// What they have in common; empty for nothing but the scene.
+    /// Changes that the settings have in common; empty where they have only the scene in common.
     pub common: String,
     /// Mean step [s] and error [m], the coarsest first.
     pub points: Vec<(f64, f64)>,
@@ -216,7 +216,7 @@ fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usiz
     (predictable.div_ceil(2).max(1)..=predictable).rev().find(tells).unwrap_or(predictable)
 }
 
-/// What a run is off over the first frames.
+/// Returns the error of a run over the first frames.
 pub(crate) fn error_over(distances: &[Distance], window: usize) -> Option<Error> {
     let inside = distances.get(..window).filter(|inside| !inside.is_empty())?;
     let all = |of: fn(&Distance) -> f64| -> Vec<f64> { inside.iter().map(of).collect() };
@@ -267,7 +267,7 @@ pub fn times(study: &Study, of: &Sample) -> Vec<f64> {
     all.iter().filter(|sample| !is_warming(sample)).map(|sample| sample.seconds_a_frame()).collect()
 }
 
-/// What speaks against taking a setting: counts that should be zero, and how large they are.
+/// Returns the faults that speak against taking a setting: counts that should be zero and are not, with their values.
 pub fn faults(sample: &Sample) -> Vec<(&'static str, u64)> {
     let counted = |name: &'static str| (name, sample.counts.get(name).copied().unwrap_or(0));
     FORBIDDEN.into_iter().map(counted).filter(|(_, count)| *count > 0).collect()

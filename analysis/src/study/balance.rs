@@ -19,14 +19,15 @@ use crate::study::closed_form::is_internal;
 use crate::study::record::{Outside, Role, Sample, Study};
 use crate::study::verdict::{Check, Verdict};
 
-/// How far momentum may be off, by the largest that the energy of motion can carry: √(2 M K). It is a matter of rounding.
+/// Largest error of momentum allowed, as a share of the largest momentum that the energy of motion can carry:
+/// √(2 M K). It is a matter of rounding.
 const MOMENTUM: f64 = 1e-10;
 
-/// How much energy may appear, by the largest energy of motion. Steps are of second order, and make or lose a little where
-/// they follow a motion coarsely; repulsion springs give what they had stored, which is not counted.
+/// Energy that may appear, as a share of the largest energy of motion. Steps are of second order, and make or lose a
+/// little where they follow a motion coarsely; repulsion springs give what they had stored, which is not counted.
 const ENERGY: f64 = 0.01;
 
-/// What acts on the cloth of a scene from outside, of which `simulation` is the start.
+/// Returns the actions from outside on the cloth of a scene, of which `simulation` is the start.
 pub(super) fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
     let plan = simulation.plan();
     let gravity = plan.iter().find(|effect| effect.name == gravity::SPEC.name);

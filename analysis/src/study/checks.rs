@@ -16,7 +16,7 @@ const EARLIER: f64 = 2.0 / 3.0;
 /// Ratios above this are only called large.
 const LARGE: f64 = 100.0;
 
-/// How many times what earlier frames say the error of later ones may be.
+/// Largest ratio allowed of the error of later frames to the error of earlier ones.
 const HELD_OUT: f64 = 2.0;
 
 /// Share of its time that a finer run may be faster than a coarser one, at least: less is nothing.
@@ -88,7 +88,8 @@ fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
     }
 }
 
-/// What earlier frames say of the recommended setting, or else of the scene as it is, holds for later ones as well.
+/// Checks whether the error of earlier frames holds for later ones as well, with the recommended setting, or else
+/// with the scene as it is.
 fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
     let name = "The error holds for later frames";
     let unknown = |why: &str| Check::new(name, None, why.to_owned());

@@ -1,5 +1,5 @@
-//! What a scene must come to by a formula, where there is one: cloth in free flight, and cloth that slides on an inclined
-//! plane. Whatever the cloth does within itself, its centre of mass follows these.
+//! Results that a scene must reach by a formula, where there is one: cloth in free flight, and cloth that slides on
+//! an inclined plane. Whatever the cloth does within itself, its centre of mass follows these.
 
 use drapery_core::Vec3;
 use drapery_core::effects::{body_collision, find as find_effect, gravity};

@@ -23,7 +23,7 @@ impl Run {
         Ok(Self { cloth: reader.into_cloth(), states })
     }
 
-    /// How far it is from another run at every frame, on the mesh of that one.
+    /// Returns the distance from another run at every frame, on the mesh of the other run.
     fn from(&self, other: &Self) -> Vec<Distance> {
         let frames = self.states.iter().zip(&other.states);
         let between = |own: &FrameState, other_state: &FrameState| Distance {
@@ -50,7 +50,7 @@ const MORE_STEPS: f64 = 1.5;
 /// Orders of convergence that a reference may be extrapolated with, and how far the measured order may be off.
 const ORDERS: ([u32; 2], f64) = ([1, 2], 0.4);
 
-/// What errors are measured against.
+/// Reference against which errors are measured.
 #[derive(Default)]
 struct Reference {
     run: Option<Run>,
@@ -60,8 +60,9 @@ struct Reference {
     extrapolated: Vec<u32>,
 }
 
-/// What errors are measured against, at every compared frame, and its own error: the finest run, or where three runs show
-/// that it converges with an order, what these come to with steps of no length (Richardson).
+/// Returns the reference against which errors are measured, at every compared frame, and its own error: the finest
+/// run, or where three runs show that it converges with an order, their extrapolation to steps of zero length
+/// (Richardson).
 fn reference(study: &Study, folder: &Path) -> Result<Reference, IoError> {
     let frames = study.compared.len();
     let of_role = |role: Role| study.of_role(role).filter(|sample| !sample.states.is_empty());
@@ -118,7 +119,8 @@ fn order_of([coarser, finer]: [f64; 2], ratios: [f64; 2]) -> Option<u32> {
     ORDERS.0.into_iter().find(|order| (measured - f64::from(*order)).abs() <= ORDERS.1)
 }
 
-/// What two runs come to with steps of no length, if `factor` times the error of the fine one is that of the coarse one.
+/// Extrapolates two runs to steps of zero length, if `factor` times the error of the fine one is the error of the
+/// coarse one.
 fn extrapolate(fine: &FrameState, coarse: &FrameState, factor: f64) -> FrameState {
     let towards = |fine: &[Vec3], coarse: &[Vec3]| -> Vec<Vec3> {
         fine.iter().zip(coarse).map(|(fine, coarse)| fine + (fine - coarse) / (factor - 1.0)).collect()

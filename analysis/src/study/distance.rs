@@ -1,5 +1,5 @@
-//! How far two runs are from each other at a frame. Where their meshes differ, points correspond by their places in the
-//! rest shape.
+//! Distance between two runs at a frame. Where their meshes differ, points correspond by their places in the rest
+//! shape.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::bvh::Bvh;
@@ -42,7 +42,7 @@ fn weighted_rms(areas: &[f64], a: &[Vec3], b: &[Vec3]) -> f64 {
     (sum / whole.max(f64::MIN_POSITIVE)).sqrt()
 }
 
-/// Where each vertex of a mesh lies on another mesh of the same rest shape.
+/// Place of each vertex of a mesh on another mesh of the same rest shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MeshMap {
     /// Triangle of the other mesh, and weights of its corners.

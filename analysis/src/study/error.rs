@@ -1,4 +1,4 @@
-//! What can go wrong with a study.
+//! Ways in which a study can fail.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub enum StudyError {
     /// A file could not be read or written.
     #[error(transparent)]
     Io(#[from] IoError),
-    /// What was asked for cannot be done.
+    /// The request cannot be carried out.
     #[error("{0}")]
     Asked(String),
     /// The folder holds another study.
@@ -31,7 +31,7 @@ pub enum StudyError {
     Other {
         /// The folder.
         folder: PathBuf,
-        /// What differs.
+        /// Difference between the studies.
         what: String,
     },
 }

@@ -42,7 +42,7 @@ pub(super) fn order(points: &[(f64, f64)]) -> Option<Order> {
     Some(Order { order, uncertainty, r_squared, scale: (y - order * x).exp() })
 }
 
-/// Which of (cost, error) no other one beats in both; of equal ones the first.
+/// Marks the points (cost, error) that no other one beats in both; of equal ones the first.
 pub(super) fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let beats = |(i, a): (usize, &(f64, f64)), (j, b): (usize, &(f64, f64))| {
         a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1 || i < j)

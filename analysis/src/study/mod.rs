@@ -1,4 +1,5 @@
-//! What accuracy costs in time: a scene run with many settings, its errors against a finer run, and what each setting took.
+//! Cost of accuracy in time: a scene run with many settings, its errors against a finer run, and the cost of each
+//! setting.
 //!
 //! [`run`] decides what to vary ([`space`]), runs it one after the other within a limit of time ([`schedule`], [`sample`]),
 //! compares the states ([`compare`]) and writes `study.json` ([`record`]) after every run, so that a study may be stopped
@@ -52,18 +53,18 @@ use crate::study::vary::BaseSettings;
 /// File name of the table of all runs and frames.
 pub(crate) const CSV: &str = "study.csv";
 
-/// How a study is made.
+/// Options of a study.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The scene, with what is set in it for all runs.
     pub scene: SceneSource,
     /// Folder of the study.
     pub out: PathBuf,
-    /// What is studied.
+    /// Request to the study.
     pub asked: Asked,
     /// Time that this attempt may take.
     pub limit: Duration,
-    /// What a frame may take with the recommended setting [s].
+    /// Time that a frame may take with the recommended setting [s].
     pub budget: Option<f64>,
     /// Whether a study that the folder holds is replaced.
     pub overwrite: bool,
@@ -176,7 +177,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     Ok((old, ground))
 }
 
-/// What the record says of the scene, and what the choice of runs depends on.
+/// Returns the facts of the scene for the record, and the settings on which the choice of runs depends.
 fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, BaseSettings), StudyError> {
     let scene = &description.scene;
     let mut points = Vec::new();

@@ -25,17 +25,17 @@ pub struct Study {
     pub application: String,
     /// Command line.
     pub command: String,
-    /// What is simulated.
+    /// Facts of the simulated scene.
     pub scene: SceneFacts,
-    /// Where it was simulated.
+    /// Machine on which it was simulated.
     pub machine: Machine,
     /// Digests of the scene, its inputs and the solver: what a study has to agree in to be gone on with.
     pub digests: BTreeMap<String, String>,
-    /// What the study varies, as asked for.
+    /// Variations of the study, as asked for.
     pub asked: Asked,
     /// Frames at which states are compared, ascending.
     pub compared: Vec<i64>,
-    /// How many times as fine as the scene the reference is at least; 0 before that is decided.
+    /// Smallest factor by which the reference is finer than the scene; 0 before it is decided.
     pub fineness: u32,
     /// Own error of the reference at the compared frames [m]; empty where it was not checked.
     pub own_error: Vec<f64>,
@@ -49,15 +49,15 @@ pub struct Study {
     pub seconds: f64,
     /// Seconds that the latest attempt was allowed.
     pub limit: f64,
-    /// What a frame may take with the recommended setting [s].
+    /// Time that a frame may take with the recommended setting [s].
     pub budget: Option<f64>,
     /// Closed forms that the scene has.
     pub closed_forms: Vec<ClosedForm>,
-    /// What acts on the cloth from outside.
+    /// Actions on the cloth from outside.
     pub outside: Outside,
 }
 
-/// What acts on the cloth from outside.
+/// Actions on the cloth from outside.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Outside {
@@ -71,7 +71,7 @@ pub struct Outside {
     pub works: Vec<String>,
 }
 
-/// What is simulated.
+/// Facts of the simulated scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SceneFacts {
@@ -99,7 +99,7 @@ pub struct SceneFacts {
     pub effects: Vec<String>,
 }
 
-/// Where a study was made.
+/// Machine on which a study was made.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Machine {
@@ -111,13 +111,13 @@ pub struct Machine {
     pub processors: usize,
     /// Threads that the runs used.
     pub threads: usize,
-    /// How the clock of the processor is governed, where the system tells.
+    /// Governor of the processor's clock, where the system tells.
     pub governor: String,
     /// Mean number of running processes over the minute before the study.
     pub load: f64,
 }
 
-/// What the study was asked for: with another answer it is another study.
+/// Request to the study: with another request it is another study.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Asked {
@@ -141,7 +141,7 @@ pub struct Asked {
 pub struct Setting {
     /// In words: `cfl 2, cg_tolerance 1e-4`; `as the scene` for no change.
     pub label: String,
-    /// What it is called to people: changed names with their values.
+    /// Changed names with their values, as shown to people.
     pub changes: Vec<(String, String)>,
     /// `--set` arguments that make it.
     pub settings: Vec<(String, String)>,
@@ -153,7 +153,7 @@ pub struct Setting {
     pub body_frames: u32,
 }
 
-/// What a run is for.
+/// Purpose of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -170,7 +170,7 @@ pub enum Role {
     Without,
     /// Another number of threads or ranks: it takes another time, and changes no bit.
     Threads,
-    /// What errors are measured against.
+    /// Reference against which errors are measured.
     Reference,
     /// Half as fine as the reference: how far that has converged.
     ReferenceCheck,
@@ -182,11 +182,11 @@ pub enum Role {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Sample {
-    /// Where its states are kept while the study may go on, in the folder of the study.
+    /// Place in the folder of the study where its states are kept while the study may go on.
     pub states: String,
-    /// What it is for.
+    /// Purpose of the run.
     pub role: Role,
-    /// What it changes.
+    /// Changes that it makes to the scene.
     pub setting: Setting,
     /// 0 for the run itself; others start from positions that were shifted by 1e-10 of the cloth's size.
     pub copy: u32,
@@ -194,19 +194,19 @@ pub struct Sample {
     pub repeat: u32,
     /// Why it broke off, if it did.
     pub failure: Option<Failure>,
-    /// What it took.
+    /// Cost of the run.
     pub cost: Cost,
     /// Seconds by stage, in the order of execution.
     pub stages: Vec<StageCost>,
     /// Counts of all frames.
     pub counts: BTreeMap<String, u64>,
-    /// What the cloth was like at the compared frames.
+    /// Figures of the cloth at the compared frames.
     pub figures: Vec<Figures>,
     /// Digest of positions and velocities at the compared frames: runs of one setting have to agree in it.
     pub bits: String,
-    /// How far it was from the reference at the compared frames; empty without one.
+    /// Distance from the reference at the compared frames; empty without one.
     pub from_reference: Vec<Distance>,
-    /// How far it was from the base.
+    /// Distance from the base.
     pub from_base: Vec<Distance>,
 }
 
@@ -216,11 +216,11 @@ pub struct Sample {
 pub struct Failure {
     /// Frame that it did not reach; `None` if it did not start.
     pub frame: Option<i64>,
-    /// What the solver said.
+    /// Message of the solver.
     pub what: String,
 }
 
-/// What a run took.
+/// Cost of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Cost {
@@ -252,7 +252,7 @@ pub struct StageCost {
     pub seconds: f64,
 }
 
-/// What the cloth is like at a frame.
+/// Figures of the cloth at a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Figures {
@@ -274,13 +274,13 @@ pub struct Figures {
     pub contact_area: [f64; 2],
     /// Smallest distance of a vertex from a triangle of cloth that it is no corner of, if below twice the thickness [m].
     pub gap: Option<f64>,
-    /// How deep the deepest vertex lies in a body [m].
+    /// Depth of the deepest vertex in a body [m].
     pub depth: f64,
     /// Edges that pass through triangles of cloth or bodies; not looked for without self_collision.
     pub crossings: u64,
 }
 
-/// How far a run is from another at a frame; areas are those of the rest shape.
+/// Distance of a run from another at a frame; areas are taken in the rest shape.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Distance {
@@ -302,7 +302,7 @@ pub struct Distance {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Omission {
-    /// Which.
+    /// Label of the omitted runs.
     pub label: String,
     /// Why.
     pub why: String,
@@ -316,7 +316,7 @@ pub struct Omission {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ClosedForm {
-    /// What it is.
+    /// Name of the closed form.
     pub name: String,
     /// Centre of mass at the start [m].
     pub start: [f64; 3],
@@ -389,7 +389,8 @@ impl Study {
         self.samples.iter().find(|sample| sample.role == Role::Base && sample.is_own())
     }
 
-    /// What errors are measured against: the reference, or where that is missing the run that was to check it.
+    /// Returns the run against which errors are measured: the reference, or where that is missing the run that was to
+    /// check it.
     pub fn reference(&self) -> Option<&Sample> {
         self.of_role(Role::Reference).or_else(|| self.of_role(Role::ReferenceCheck))
     }

@@ -29,13 +29,13 @@ use crate::study::states::StatesWriter;
 /// Bytes of a digest of states: enough that no two runs share them by accident.
 const DIGEST: usize = 8;
 
-/// How far the positions of shifted copies are moved at most, by the size of the cloth.
+/// Largest shift of the positions of shifted copies, as a share of the size of the cloth.
 pub(super) const SHIFT: f64 = 1e-10;
 
 /// Frame of a run that has not started.
 const NOWHERE: i64 = i64::MIN;
 
-/// What all runs of a study have in common.
+/// Context that all runs of a study have in common.
 #[derive(Debug)]
 pub(crate) struct Bench<'a> {
     /// The scene, with what is set in it for all runs.
@@ -50,7 +50,7 @@ pub(crate) struct Bench<'a> {
     pub threads: usize,
 }
 
-/// Which frames a run simulates and compares.
+/// Frames that a run simulates and compares.
 #[derive(Debug)]
 pub(super) enum Pace<'a> {
     /// These, ascending; the last one is the end.
@@ -70,7 +70,7 @@ pub(super) enum Pace<'a> {
     },
 }
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug)]
 pub(super) enum Ended {
     /// It came to its last frame or the solver gave up; with the compared frames of a trial.
@@ -193,7 +193,7 @@ struct Kept {
     figures: Figures,
 }
 
-/// What one frame took.
+/// Cost of one frame.
 struct Spent {
     frame: i64,
     seconds: f64,

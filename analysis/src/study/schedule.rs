@@ -32,7 +32,7 @@ const COMPARED: (usize, usize) = (24, 6);
 /// Bytes of the states of a run at most, if that leaves enough frames.
 const STATES_BYTES: usize = 64 << 20;
 
-/// How the reason begins why a run was left out, where that is the time.
+/// Start of the reason why a run was left out, where the reason is the time.
 pub(crate) const NO_TIME: &str = "no time";
 
 /// Frames that a study should have, if the runs without which it says nothing still fit.
@@ -44,10 +44,11 @@ const FITTING: f64 = 0.9;
 /// Times the base that have to be left besides a reference of each fineness.
 const BESIDES: [f64; 3] = [10.0, 10.0, 5.0];
 
-/// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
+/// Factor on its predicted time that a run may take before it is given up, and seconds beyond that prediction that it
+/// may take in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
 
-/// Who hears of a study while it goes on.
+/// Observer of a study while it goes on.
 pub trait Observer {
     /// Something that whoever looks after the study should know.
     fn note(&mut self, text: &str);
@@ -59,7 +60,7 @@ pub trait Observer {
 /// The runs of one attempt at a study.
 #[derive(Debug)]
 pub(crate) struct Schedule<'a> {
-    /// What all runs have in common.
+    /// Context that all runs have in common.
     pub bench: &'a Bench<'a>,
     /// Folder of the study.
     pub folder: &'a Path,

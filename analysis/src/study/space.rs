@@ -1,4 +1,4 @@
-//! Which runs make a study, and in what order.
+//! Runs that make a study, and their order.
 
 use drapery_core::effects::{body_collision, self_repulsion};
 use drapery_core::scene::{PRESET, PRESETS, SolverPreset};
@@ -10,7 +10,7 @@ use crate::study::vary::{
     STEPS_PER_FRAME, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
 };
 
-/// How much finer in time than the scene the reference is, the finest that there is time for.
+/// Factors by which the reference may be finer in time than the scene; the finest that there is time for is taken.
 pub(crate) const FINENESS: [u32; 4] = [16, 8, 4, 2];
 
 /// The same where a study has to do with few frames; the last of [`FINENESS`] is for those that hardly have time for one.
@@ -29,7 +29,7 @@ const REFERENCE_ITERATIONS: &str = "5000";
 /// Tighter tolerance of the velocity solves that is tried [m/s].
 const TIGHT: &str = "1e-5";
 
-/// How many times the tolerance of the scene is tried as well: what is cheaper than the scene.
+/// Factor on the tolerance of the scene that is tried as well: a setting cheaper than the scene.
 const LOOSE: f64 = 10.0;
 
 /// The same where the solver chooses: the largest that it ever does [m/s].
@@ -41,9 +41,9 @@ const NEAR: f64 = 2.0;
 /// A run that is wanted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RunRequest {
-    /// What for.
+    /// Purpose of the run.
     pub role: Role,
-    /// What it changes.
+    /// Changes that it makes to the scene.
     pub setting: Setting,
     /// Number of the copy with shifted positions; 0 for none.
     pub copy: u32,
@@ -172,7 +172,8 @@ pub(crate) fn reference_times(fineness: f64) -> [f64; 3] {
     [1.0, 2.0, 4.0].map(|coarser| TIGHTEST * (fineness / coarser).sqrt())
 }
 
-/// What is varied when nobody says: steps and solves, then one at a time what else costs time or changes the picture.
+/// Returns the default variations: steps and solves, then one at a time everything else that costs time or changes
+/// the picture.
 fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     let mut space = Vec::new();
     let all_of = |changes: &[Change<'_>]| {
@@ -248,7 +249,7 @@ fn with(wish: &RunRequest, name: &str, value: &str, ground: &BaseSettings) -> Ru
     RunRequest::new(role, changed(&wish.setting, name, value, ground), times)
 }
 
-/// What was asked for: all combinations, some of them, or one change at a time; each once.
+/// Returns the runs that were asked for: all combinations, some of them, or one change at a time; each once.
 fn asked_space(asked: &Asked, ground: &BaseSettings) -> Vec<RunRequest> {
     let mut all: Vec<RunRequest> = Vec::new();
     for row in rows(asked) {

@@ -11,7 +11,7 @@ use drapery_io::input_file;
 
 use crate::study::cloth::{Cloth, FrameState};
 
-/// What is wrong with a file that cannot be understood.
+/// Fault of a file that cannot be understood.
 const DAMAGED: &str = "it is damaged";
 
 /// States being written. The file has its name only once it is whole.

@@ -139,7 +139,7 @@ fn recommended_error(error: Option<&Error>, own: Option<f64>) -> String {
     }
 }
 
-/// What stands below the settings: orders, effects, failures, what was left out.
+/// Writes the lines below the settings: orders, effects, failures, and omitted runs.
 fn below(study: &Study, analysis: &Analysis<'_>) -> String {
     let mut out = String::new();
     for ladder in &analysis.ladders {
@@ -223,7 +223,7 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
 
-/// What to take, and what the whole shot takes with it.
+/// Returns the recommended setting, and the time of the whole shot with it.
 pub(crate) fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
     let within =
         budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} a frame", text::seconds(b)));

@@ -69,7 +69,7 @@ const SOLVER: &str = "solver.";
 /// Start of the keys that choose effects.
 const CHOICE: &str = "effects.";
 
-/// What of the scene the choice of variations depends on.
+/// Settings of the scene on which the choice of variations depends.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct BaseSettings {
     /// Whether it takes long steps.
@@ -244,7 +244,7 @@ fn key_of(name: &str) -> String {
     }
 }
 
-/// What a change of this name is compared with.
+/// Returns the role of a change of this name, which decides its comparison.
 pub(super) fn role_of(name: &str) -> Role {
     match (name, row_of(name)) {
         (WITHOUT, _) => Role::Without,

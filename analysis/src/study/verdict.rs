@@ -1,4 +1,4 @@
-//! What a check of a study came to.
+//! Outcome of a check of a study.
 
 /// Whether something holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,11 +16,11 @@ pub(super) enum Verdict {
 /// Something that should hold of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Check {
-    /// What.
+    /// Property that should hold.
     pub name: &'static str,
     /// Whether.
     pub verdict: Verdict,
-    /// By which figures.
+    /// Figures on which the verdict rests.
     pub why: String,
 }
 

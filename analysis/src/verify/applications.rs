@@ -1,6 +1,8 @@
-//! What applications will see: which of their frames shows a sample, and what a unit and an axis of the file are to them.
+//! Interpretation of a file by applications: the frame of theirs that shows a sample, and the meaning of a unit and
+//! an axis of the file to them.
 //!
-//! What is said of Blender is what the tests import (`tests/oracle/test_blender.py`, `tests/oracle/test_usd.py`).
+//! Statements about Blender agree with the imports in the tests (`tests/oracle/test_blender.py`,
+//! `tests/oracle/test_usd.py`).
 
 use drapery_alembic::{Archive, PolyMesh};
 use drapery_io::cache_frames::CacheFrames;
@@ -9,7 +11,8 @@ use drapery_io::units::LengthUnit;
 /// Frame rates differ by less than this from the whole number that they are.
 const WHOLE: f64 = 1e-9;
 
-/// What an Alembic file is to applications: it counts time in seconds, and they look at neither unit nor axis.
+/// Returns the meaning of an Alembic file to applications: it counts time in seconds, and they look at neither unit
+/// nor axis.
 pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -> Vec<String> {
     let mut facts = Vec::new();
     let first = meshes.iter().find(|mesh| mesh.sample_count() > 1).map(|mesh| mesh.time(0));
@@ -42,7 +45,7 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
     facts
 }
 
-/// What a stage is to applications: time codes are their frames, and they read unit and axis.
+/// Returns the meaning of a stage to applications: time codes are their frames, and they read unit and axis.
 pub(super) fn of_stage(stage: &CacheFrames, prefix: &str) -> String {
     let rate = stage.fps.map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
     format!(

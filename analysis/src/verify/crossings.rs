@@ -53,11 +53,11 @@ struct Sheet<'a> {
     times: Vec<f64>,
     /// The garment that it follows to be rendered in its place: it is no cloth, and may go through itself.
     render_mesh_of: Option<String>,
-    /// What it is for, if not for everything.
+    /// Purpose of the mesh, if it is not for everything.
     purpose: Option<String>,
 }
 
-/// Where samples come from.
+/// Source of samples.
 #[derive(Clone, Copy)]
 enum Mesh<'a> {
     Archive(&'a PolyMesh),
@@ -72,7 +72,8 @@ struct StageMesh<'a> {
     mesh: usize,
     /// Time of a frame [s].
     duration: f64,
-    /// What its stored points are counted from, where that never changes; points in the world are looked at otherwise.
+    /// Origin from which its stored points are counted, where it never changes; points in the world are looked at
+    /// otherwise.
     origin: Option<[f64; 3]>,
 }
 
@@ -220,14 +221,14 @@ impl<'a> Body<'a> {
     }
 }
 
-/// What is checked: a mesh with itself (`a == b`), with another, or with the body.
+/// Subject of a check: a mesh with itself (`a == b`), with another, or with the body.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Subject {
     Cloth(usize, usize),
     Body(usize),
 }
 
-/// What was found about one subject in all frames.
+/// Findings about one subject in all frames.
 #[derive(Default)]
 struct Tally {
     looked_at: usize,

@@ -34,7 +34,7 @@ struct MeshCheck<'a> {
 }
 
 impl MeshCheck<'_> {
-    /// What time is what: an application goes by time codes, and takes the rate from the stage.
+    /// Reports the time codes of the frames: an application goes by time codes, and takes the rate from the stage.
     fn times(&self, found: &mut Verification) {
         let (name, frames) = (&self.name, &self.described.frames);
         if self.stage.meshes[self.mesh].is_still {
@@ -120,7 +120,7 @@ impl MeshCheck<'_> {
         motion.judge(name, found);
     }
 
-    /// What is wrong with a frame.
+    /// Returns the fault of a frame, if it has one.
     fn wrong_with(&self, sample: usize, frame: &StoredFrame) -> Option<String> {
         let first_bad = |vectors: &[[f32; 3]]| vectors.iter().position(|v| v.iter().any(|x| !x.is_finite()));
         let (points, has) = (self.described.points, frame.positions.len());

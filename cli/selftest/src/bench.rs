@@ -1,4 +1,4 @@
-//! What a case works with: simulations that are watched, the command, a folder of its own.
+//! Tools of a case: simulations that are watched, the command, a folder of its own.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ pub type Input<'a> = Box<dyn Fn(i64) -> FrameInput + Sync + 'a>;
 
 /// A scene that is run and watched.
 pub struct Trial<'a> {
-    /// What is simulated.
+    /// Scene to simulate.
     pub description: SceneDescription,
     /// Bodies and tracks of each frame.
     pub input: Input<'a>,
@@ -89,7 +89,7 @@ impl Trial<'_> {
 /// One frame of a run.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// What the solver says of it.
+    /// Summary of the frame by the solver.
     pub summary: FrameSummary,
     /// Positions of each garment in its own order [m].
     pub positions: Vec<Vec<Vec3>>,
@@ -132,14 +132,14 @@ impl Record {
     }
 }
 
-/// How a command ended.
+/// Outcome of a command.
 #[derive(Debug, Clone)]
 pub struct Ended {
     /// Its exit code; `None` if a signal ended it.
     pub code: Option<i32>,
-    /// What it printed.
+    /// Text on its standard output.
     pub stdout: String,
-    /// What it complained about.
+    /// Complaints, as printed on its standard error.
     pub stderr: String,
 }
 
@@ -149,24 +149,24 @@ impl Ended {
         f64::from(self.code.unwrap_or(-1))
     }
 
-    /// How many of these texts neither stream has.
+    /// Returns the number of these texts that are in neither stream.
     pub fn missing(&self, parts: &[&str]) -> f64 {
         parts.iter().filter(|part| !self.stderr.contains(*part) && !self.stdout.contains(*part)).count() as f64
     }
 }
 
-/// How all cases are run.
+/// Conditions under which all cases are run.
 #[derive(Debug, Clone, Copy)]
 pub struct Conditions<'a> {
-    /// How much is asked for.
+    /// Amount of testing asked for.
     pub tier: Tier,
-    /// What scenes are integrated with.
+    /// Integrator of the scenes.
     pub integrator: Integrator,
     /// The command.
     pub drapery: &'a Path,
 }
 
-/// What a case works with.
+/// Tools of a case.
 pub struct Bench<'a> {
     conditions: Conditions<'a>,
     folder: tempfile::TempDir,
@@ -183,7 +183,7 @@ impl<'a> Bench<'a> {
         Ok(Self { conditions, folder, degradations: BTreeMap::new() })
     }
 
-    /// How much is asked for.
+    /// Returns the amount of testing asked for.
     pub fn tier(&self) -> Tier {
         self.conditions.tier
     }
@@ -193,7 +193,7 @@ impl<'a> Bench<'a> {
         if self.tier() == Tier::Quick { quick } else { full }
     }
 
-    /// What was counted that should not have happened.
+    /// Returns the counts of events that should not have happened.
     pub fn into_degradations(self) -> Vec<(String, u64)> {
         self.degradations.into_iter().collect()
     }
@@ -380,7 +380,7 @@ fn see(simulation: &Simulation, summary: FrameSummary) -> Frame {
     Frame { summary, positions, velocities, crossings: simulation.crossings().len() }
 }
 
-/// What is asked of every scene.
+/// Checks the requirements on every scene.
 fn judge_all(trial: &Trial<'_>, record: &Record) -> Result<(), String> {
     let energy = |frame: &Frame| frame.summary.kinetic_energy + frame.summary.potential_energy;
     let seconds = trial.description.timeline.frame_duration();

@@ -3,7 +3,7 @@
 use crate::bench::Bench;
 pub use crate::tier::Tier;
 
-/// What makes scenes or files, runs them and measures; an error is a text that says what went wrong.
+/// Function that makes scenes or files, runs them and measures; an error is a text that describes the failure.
 pub type Judge = fn(&mut Bench<'_>) -> Result<Vec<Figure>, String>;
 
 /// An entry of the catalogue.
@@ -11,15 +11,15 @@ pub type Judge = fn(&mut Bench<'_>) -> Result<Vec<Figure>, String>;
 pub struct Case {
     /// Its number in the catalogue, as in `H23`.
     pub id: &'static str,
-    /// What is hard.
+    /// Difficulty of the case.
     pub title: &'static str,
-    /// What must happen.
+    /// Required outcome.
     pub must: &'static str,
     /// Finds out.
     pub judge: Judge,
 }
 
-/// What a figure has to be.
+/// Requirement on the value of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bound {
     /// No more than this.
@@ -33,11 +33,11 @@ pub enum Bound {
 /// A number that decides.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// What it is, with its unit.
+    /// Name of the quantity, with its unit.
     pub what: String,
-    /// What was found.
+    /// Value found.
     pub value: f64,
-    /// What it has to be.
+    /// Requirement on the value.
     pub bound: Bound,
 }
 

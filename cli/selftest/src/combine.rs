@@ -14,7 +14,7 @@ use crate::scenes::*;
 /// Frames of a combination.
 const FRAMES: i64 = 6;
 
-/// What makes a case hard, done to the common scene.
+/// Change of the common scene that makes a case hard.
 type Change = fn(&mut SceneDescription, &mut Random);
 
 /// The cases that combine, in the order in which they change the scene.
@@ -58,7 +58,7 @@ fn drawn(seed: u64) -> [usize; 3] {
     three
 }
 
-/// What the combination of a seed is called.
+/// Returns the title of the combination of a seed.
 pub fn title(seed: u64) -> String {
     drawn(seed).map(|change| CHANGES[change].0).join(" + ")
 }
@@ -66,7 +66,7 @@ pub fn title(seed: u64) -> String {
 /// Runs the combination of a seed.
 ///
 /// # Errors
-/// What broke a rule of every case.
+/// A rule of every case is broken; the text describes the breach.
 pub fn judge(bench: &mut Bench<'_>, seed: u64) -> Result<Vec<Figure>, String> {
     let mut random = Random::new(seed);
     let mut description = cloth(8, 0.03, 50.0);

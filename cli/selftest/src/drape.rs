@@ -61,7 +61,7 @@ pub const HEAD: &str = "\
 | material | bending length | drape coefficient at 4, 6, 9 cells | spread | among mountings | folds | published | verdict |
 |---|---|---|---|---|---|---|---|";
 
-/// How a material drapes.
+/// Result of the drape test of a material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
     /// The material.
@@ -164,23 +164,23 @@ pub fn judge(name: &str) -> Option<Result<Verdict, String>> {
     Some(drapes.map(|drapes| Verdict { material, drapes, band }))
 }
 
-/// How a specimen is mounted.
+/// Mounting of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mounting {
-    /// Which specimen: its seed.
+    /// Seed of the specimen.
     pub seed: u32,
     /// Whether its other face is up.
     pub turned_over: bool,
 }
 
-/// What a specimen did.
+/// Result of draping a specimen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drape {
     /// Cells across the overhang.
     pub cells: usize,
     /// Vertices that hang.
     pub vertices: usize,
-    /// How it was mounted.
+    /// Mounting of the specimen.
     pub mounting: Mounting,
     /// Drape coefficient [%].
     pub coefficient: f64,

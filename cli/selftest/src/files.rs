@@ -69,7 +69,7 @@ pub fn obj(mesh: &PolygonMesh) -> String {
 /// A frame of an archive.
 #[derive(Debug, Clone)]
 pub struct ArchiveFrame {
-    /// Where the mesh is.
+    /// Transform that places the mesh.
     pub matrix: Matrix,
     /// Triangles, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,

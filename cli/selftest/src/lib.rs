@@ -1,4 +1,4 @@
-//! What a build of Drapery has to withstand: the hard cases H1 to H52, each with what must happen and a number that
+//! Hard cases that a build of Drapery has to withstand, H1 to H52, each with its required outcome and a number that
 //! decides. `drapery selftest --hard` and the project's tests run the same entries.
 //!
 //! A case is a function that makes its scene or its files, runs them on a [`bench::Bench`] and returns

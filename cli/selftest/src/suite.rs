@@ -7,14 +7,14 @@ use crate::bench::{Bench, Conditions};
 use crate::case::{Case, Figure};
 use crate::combine;
 
-/// What became of a case.
+/// Outcome of a case.
 #[derive(Debug, Clone)]
 pub struct Verdict {
     /// Number of the case, or the seed of a combination of cases.
     pub id: String,
-    /// What is hard.
+    /// Difficulty of the case.
     pub title: String,
-    /// What must happen.
+    /// Required outcome.
     pub must: String,
     /// Its figures; none if it could not be finished.
     pub figures: Vec<Figure>,
@@ -22,7 +22,7 @@ pub struct Verdict {
     pub trouble: Option<String>,
     /// Counts of what was not as it should be.
     pub degradations: Vec<(String, u64)>,
-    /// How long it took [s].
+    /// Elapsed time [s].
     pub seconds: f64,
 }
 
@@ -67,13 +67,13 @@ fn measured(
     Verdict { id, title, must, figures, trouble, degradations, seconds: clock.elapsed().as_secs_f64() }
 }
 
-/// What a panic said.
+/// Returns the message of a panic.
 fn words(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without words".to_owned())
 }
 
-/// How many cases passed, which did not, and how long all took.
+/// Returns the number of cases that passed, the cases that failed, and the total time [s], as a text.
 pub fn summary(verdicts: &[Verdict]) -> String {
     let failed: Vec<&str> = verdicts.iter().filter(|v| !v.passed()).map(|v| v.id.as_str()).collect();
     let seconds: f64 = verdicts.iter().map(|v| v.seconds).sum();

@@ -1,6 +1,6 @@
-//! How much is asked of the hard cases.
+//! Amount of testing asked of the hard cases.
 
-/// How much is asked for.
+/// Amount of testing asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
     /// Up to 2000 triangles a case, all of them in minutes.

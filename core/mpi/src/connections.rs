@@ -7,18 +7,18 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// How long a call waits for somebody to take it.
+/// Time that a call waits to be accepted.
 const RINGS: Duration = Duration::from_secs(2);
 
-/// How long the caller then waits for an answer: whoever takes it may have much to do.
+/// Time that the caller then waits for an answer: the process that accepts it may have much to do.
 const ANSWERS: Duration = Duration::from_secs(5);
 
-/// What both ends say first.
+/// First message of both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Hello {
     /// Number of the run.
     pub(crate) run: u128,
-    /// Who speaks.
+    /// Rank that speaks.
     pub(crate) from: u32,
     /// To whom.
     pub(crate) to: u32,
@@ -43,13 +43,13 @@ impl Hello {
         Some(Self { run: u128::from_le_bytes(*run), from: number(*from), to: number(to.try_into().ok()?) })
     }
 
-    /// What the other end says.
+    /// Returns the first message of the other end.
     pub(crate) fn answer(self) -> Self {
         Self { from: self.to, to: self.from, ..self }
     }
 }
 
-/// How a rank was lost.
+/// Way in which a rank was lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum How {
     /// Nothing was heard of it for too long: its machine or the network is lost, or it stands still.
@@ -58,7 +58,7 @@ pub enum How {
     Ended,
 }
 
-/// What ranks tell each other.
+/// Message between ranks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Word {
     /// I am there.
@@ -119,7 +119,7 @@ impl Link {
         }
     }
 
-    /// What was said since the last time, and whether more may come.
+    /// Returns the messages received since the last call, and whether more may come.
     pub(crate) fn listen(&mut self) -> (Vec<Word>, bool) {
         let is_open = read_at_hand(&mut self.stream, &mut self.begun, usize::MAX);
         let whole = self.begun.len() / Word::LENGTH * Word::LENGTH;

@@ -34,8 +34,8 @@ pub(crate) fn pieces(length: usize) -> impl Iterator<Item = Range<usize>> {
 pub(crate) struct Underway<'a> {
     world: &'a World,
     tag: i32,
-    /// Of the sends, and of the receives of known length: MPI works on `messages` and `received` until they are waited
-    /// for.
+    /// Requests of the sends, and of the receives of known length: MPI works on `messages` and `received` until they
+    /// are waited for.
     requests: Vec<MPI_Request>,
     /// Rank and number of bytes of each request that receives; these come first.
     promised: Vec<(usize, usize)>,

@@ -25,10 +25,11 @@ const BEATS: u32 = 10;
 const SLOWEST: Duration = Duration::from_secs(1);
 const FASTEST: Duration = Duration::from_millis(50);
 
-/// How long a rank that has ended is given until the launcher ends all, which knows how; a launcher that cannot is not waited for.
+/// Time given after a rank has ended for the launcher, which knows how, to end all; a launcher that cannot is not
+/// waited for.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// How long connections may take to come about, and how often somebody looks meanwhile.
+/// Time in which connections may come about, and interval between the checks meanwhile.
 const CALLING: Duration = Duration::from_secs(20);
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -43,11 +44,11 @@ const CALLERS: usize = 16;
 pub struct Lost {
     /// Its number, and the number of all.
     pub rank: usize,
-    /// How many there are.
+    /// Number of all ranks.
     pub ranks: usize,
-    /// What it called itself.
+    /// Name that the rank gave itself.
     pub name: String,
-    /// How it was lost.
+    /// Way in which it was lost.
     pub how: How,
     /// The time after which silence is a loss.
     pub timeout: Duration,
@@ -65,7 +66,7 @@ impl std::fmt::Display for Lost {
     }
 }
 
-/// What is to be known of the other ranks.
+/// News of the other ranks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum News {
     /// With these no connection came about, so their loss will not be noticed. Said once.
@@ -78,7 +79,7 @@ pub enum News {
 #[derive(Debug)]
 pub struct Heartbeats(Sender<Event>, #[cfg(test)] Arc<[AtomicBool]>);
 
-/// What comes to the thread that watches.
+/// Event that comes to the watching thread.
 #[derive(Debug)]
 enum Event {
     /// A rank has answered a call.
@@ -146,7 +147,7 @@ fn any_number() -> u128 {
     high << 64 | low
 }
 
-/// What a rank says of itself over MPI, a line each.
+/// Description that a rank sends of itself over MPI, one item per line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Card {
     timeout: Option<Duration>,
@@ -182,7 +183,7 @@ impl Card {
         self.name.rsplit_once(':').map_or(&self.name, |(host, _)| host)
     }
 
-    /// Where to call it from the machine of `caller`, first where an answer is likely.
+    /// Returns the addresses for a call from the machine of `caller`, first the ones where an answer is likely.
     fn addresses_for(&self, caller: &Self) -> Vec<IpAddr> {
         // Its own address means another machine elsewhere.
         let (local, others): (Vec<_>, Vec<_>) = self.addresses.iter().partition(|address| address.is_loopback());
@@ -239,7 +240,7 @@ struct Peer {
     silence: Duration,
 }
 
-/// What the thread knows.
+/// State of the watching thread.
 struct Watch {
     hello: Hello,
     timeout: Duration,
@@ -371,7 +372,8 @@ impl Watch {
         Vec::new()
     }
 
-    /// Those that are lost, and those that are as silent as ranks on the same machine would be; tells the others.
+    /// Returns the lost ranks, and the ranks that are as silent as ranks on the same machine would be; tells the
+    /// others.
     fn all_lost(&mut self, reported: &[(usize, How)]) -> Vec<Lost> {
         let mut lost = Vec::new();
         for (rank, peer) in self.peers.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! What effects cost, measured in a frame that ran. Nothing is said of what was not: the iterations of the solves and the contacts
-//! of a frame follow from its motion, and decide its time.
+//! Cost of effects, measured in a frame that ran. Nothing is predicted of a frame that did not run: the iterations of
+//! the solves and the contacts of a frame follow from its motion, and decide its time.
 
 use crate::effects::REGISTRY;
 use crate::effects::registry::PlannedEffect;
@@ -19,14 +19,14 @@ pub struct FrameCost {
     pub steps: f64,
     /// Iterations of all solves.
     pub iterations: f64,
-    /// Of each effect of the plan, in its order [s].
+    /// Duration of each effect of the plan, in the plan's order [s].
     pub effects: Vec<f64>,
-    /// Of time integration [s].
+    /// Duration of time integration [s].
     pub method: f64,
 }
 
 impl FrameCost {
-    /// Of everything [s].
+    /// Returns the total duration [s].
     pub fn total(&self) -> f64 {
         self.method + self.effects.iter().sum::<f64>()
     }

@@ -78,7 +78,7 @@ const FIELDS: &[Field] = &[
     },
 ];
 
-/// How sharp folds of a hinge stay, of [`crate::effects::plastic_wrinkles`].
+/// Parameters by which sharp folds of a hinge stay, of [`crate::effects::plastic_wrinkles`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Yield {
     /// Radius of a bend below which it stays [m].
@@ -124,7 +124,8 @@ fn damping_ratios(settings: &Settings, context: &BuildContext<'_>, garment: usiz
     elements.iter().map(of).collect()
 }
 
-/// What the garment asks of plastic wrinkles, if it does, for each hinge; what is painted is the mean of its four vertices.
+/// Returns the parameters of plastic wrinkles for each hinge, if the garment asks for them; a painted value is the
+/// mean of the four vertices of the hinge.
 fn yields(context: &BuildContext<'_>, garment: usize, elements: &[Element]) -> Option<Vec<Yield>> {
     let spec = find("plastic_wrinkles")?;
     let mut requests = context.scene.description().effects.iter();

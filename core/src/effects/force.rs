@@ -1,4 +1,4 @@
-//! What acts on cloth in a step: forces on the parts, and changes of velocities between the solves.
+//! Actions on cloth in a step: forces on the parts, and changes of velocities between the solves.
 
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ use crate::wind_grid::WindGrid;
 /// A force, and the part of the cloth that it acts on.
 pub type PartForce = (usize, Box<dyn Force>);
 
-/// What forces see beside the positions of the cloth.
+/// Inputs of forces beside the positions of the cloth.
 #[derive(Clone, Copy)]
 pub struct ForceContext<'a> {
     /// Solver time of the positions [s].
     pub time: f64,
-    /// Where pinned vertices have to be during the step.
+    /// Prescribed positions of pinned vertices during the step.
     pub targets: &'a PinTargets,
     /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
     /// start of the step in B.1, foreseen for its middle in B.5, and at the stage in long steps. Empty in B.5 if no effect asks for them.
@@ -85,12 +85,12 @@ impl<'a> PartMotion<'a> {
     }
 }
 
-/// What the derivatives of forces are multiplied by in the matrix of an implicit step, `M + damping · D + stiffness · K`.
+/// Factors of the derivatives of forces in the matrix of an implicit step, `M + damping · D + stiffness · K`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlockFactors {
-    /// Of the derivative by velocity, D [s].
+    /// Factor of the derivative by velocity, D [s].
     pub damping: f64,
-    /// Of the derivative by position, K [s²].
+    /// Factor of the derivative by position, K [s²].
     pub stiffness: f64,
 }
 
@@ -181,7 +181,7 @@ pub trait Plastic {
     fn restore_elements(&mut self, rows: &ElementRows);
 }
 
-/// What a velocity is for.
+/// Purpose of a velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
     /// v½ in B.2: it takes the positions to the end of the step.
@@ -202,7 +202,7 @@ pub(crate) struct FilterStep<'a> {
     pub(crate) x: &'a [Vec3],
     /// Length of the step [s].
     pub(crate) dt: f64,
-    /// What the velocities are for.
+    /// Purpose of the velocities.
     pub(crate) purpose: Purpose,
 }
 

@@ -1,4 +1,5 @@
-//! What of a scene is there for one effect alone: pins, seams and bodies, which ask for it, and the grid of the wind.
+//! Parts of a scene that are there for one effect alone: pins, seams and bodies, which ask for it, and the grid of
+//! the wind.
 //!
 //! The table is in every build, also where an effect is not: a scene that asks for it is then refused, not run without it.
 
@@ -13,7 +14,7 @@ pub struct EffectInput {
     pub one: &'static str,
     /// Whether a scene has some, which ask for the effect; `None` where a table asks for it.
     pub asks: Option<fn(&SceneDescription) -> bool>,
-    /// What the scene has of them, in words; empty if nothing.
+    /// Description in words of the ones that the scene has; empty if it has none.
     pub because: fn(&SceneDescription) -> String,
     /// Takes them out of a scene that does without the effect.
     pub remove: fn(&mut SceneDescription),
@@ -69,7 +70,7 @@ pub static INPUTS: [EffectInput; 5] = [
     },
 ];
 
-/// How many vertices of each garment these pins hold, in words.
+/// Returns the number of vertices of each garment that these pins hold, in words.
 fn pinned(scene: &SceneDescription, which: impl Fn(&PinDescription) -> bool, how: &str) -> String {
     let held = |garment: usize| -> usize {
         let pins = scene.pins.iter().filter(|pin| pin.garment == garment && which(pin));

@@ -22,8 +22,8 @@
 //! linear one is added to the stress of each, so that a strip cut along either has that curve exactly. Shear stays linear.
 //!
 //! The warp of a triangle is `grain` projected onto its plane in the rest shape, turned by `grain_angle` about its normal.
-//! Where the grain stands upright on a triangle, the next axis takes its place (z for y, x for z, y for x), so that a sheet
-//! that lies flat and says nothing has its warp along z.
+//! The next axis takes the place of the grain where the grain stands upright on a triangle (z for y, x for z, y for
+//! x), so that a sheet that lies flat and says nothing has its warp along z.
 //!
 //! Limits: a triangle that is pressed to a line or a point resists with finite forces and may turn over, as cloth may. The
 //! stiffest triangle sets the time step; the thinnest `thin_triangles` of them are softened.

@@ -98,7 +98,7 @@ struct PartPressure {
     side: f64,
     /// If the amount of gas stays.
     gas: Option<Gas>,
-    /// What each vertex adds to the step limit [N/m].
+    /// Contribution of each vertex to the step limit [N/m].
     stiffness: Vec<f64>,
 }
 
@@ -176,7 +176,7 @@ fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, overp
     (gas.ambient + overpressure).abs() / gas.rest_volume.abs() * sum
 }
 
-/// What each vertex of a part adds to the step limit [N/m].
+/// Returns the contribution of each vertex of a part to the step limit [N/m].
 ///
 /// A triangle that moves turns the pressure on it: a corner feels at most p/6 times its perimeter per way of the others, which
 /// is doubled for what inflates. Gas moves all vertices together: with `2 m ω²` at each the limit is 1.4/ω at the CFL number 4,

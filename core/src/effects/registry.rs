@@ -1,4 +1,4 @@
-//! What can be asked of all effects, and what a scene asks for of them.
+//! Queries on all effects, and on the effects that a scene asks for.
 
 use std::collections::BTreeMap;
 
@@ -44,13 +44,13 @@ pub struct PlannedEffect {
     pub sources: BTreeMap<String, String>,
     /// Structures that it needs.
     pub needs: &'static [Need],
-    /// What it works on, as in "springs".
+    /// Kind of element it works on, as in "springs".
     pub kind: &'static str,
     /// Number of elements of that kind.
     pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,
-    /// What the effect had to change to run well.
+    /// Changes that the effect had to make to run well.
     pub notes: Vec<String>,
     /// Longest time step that its forces allow by themselves [s]; infinite if they set no limit.
     pub longest_step: f64,
@@ -59,7 +59,8 @@ pub struct PlannedEffect {
 /// The map of what every garment has.
 static DENSITY: MapSpec = MapSpec::of("density", &[]);
 
-/// What can be painted in this build, each with the effect that looks at it; none for what every garment has.
+/// Returns the maps that can be painted in this build, each with the effect that looks at it; `None` for the map that
+/// every garment has.
 pub fn maps() -> impl Iterator<Item = (&'static MapSpec, Option<&'static EffectSpec>)> {
     let of_effects = REGISTRY.iter().flat_map(|spec| spec.maps.iter().map(|map| (map, Some(*spec))));
     std::iter::once((&DENSITY, None)).chain(of_effects)
@@ -70,7 +71,8 @@ pub fn find(name: &str) -> Option<&'static EffectSpec> {
     REGISTRY.iter().copied().find(|spec| spec.name == name)
 }
 
-/// Of an effect that this build lacks: what is wrong, and what to do. `None` if it is here, or if there is no such effect.
+/// Returns the problem and the remedy for an effect that this build lacks. `None` if it is here, or if there is no
+/// such effect.
 pub fn lacking(name: &str) -> Option<(String, String)> {
     let name = LISTED.iter().find(|listed| **listed == name && find(listed).is_none())?;
     let what = format!("this drapery was built without the effect `{name}`");

@@ -49,7 +49,7 @@ to = { garment = "sheet", corners = ["injn"] }"#,
     ..EffectSpec::BARE
 };
 
-/// How the length of a seam's pairs goes over time.
+/// Length of a seam's pairs over time.
 #[derive(Debug, Clone, Copy)]
 struct Closing {
     from: f64,
@@ -81,7 +81,7 @@ struct Stitch {
     ends: [usize; 2],
     /// 1 if the own end is the first, otherwise -1.
     side: f64,
-    /// How far apart the ends start [m].
+    /// Distance of the ends at the start [m].
     gap: f64,
     closing: Closing,
     /// Stiffness [N/m].
@@ -137,7 +137,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     Ok(effect)
 }
 
-/// How a seam closes in this scene.
+/// Returns the closing of a seam in this scene.
 fn closing(scene: &Scene, seam: &SeamDescription) -> Closing {
     let description = scene.description();
     let touches = description.effects.iter().any(|e| e.effect == "self_repulsion" || e.effect == "self_collision");

@@ -164,7 +164,8 @@ fn altitudes_of(mesh: &crate::mesh::TriangleMesh) -> impl Fn((&[u32; 3], &f64)) 
     }
 }
 
-/// How the altitude to the longest edge lies, and its length [m]; `None` where it has no direction.
+/// Returns the place and direction of the altitude to the longest edge, and its length [m]; `None` where it has no
+/// direction.
 fn longest_edge_altitude(x: [Vec3; 3]) -> Option<(Acting, f64)> {
     let squared = [0, 1, 2].map(|corner| (x[(corner + 2) % 3] - x[(corner + 1) % 3]).norm_squared());
     let longer = |a: usize, b: usize| if squared[b] > squared[a] { b } else { a };
@@ -198,7 +199,7 @@ impl Acting {
         pulls
     }
 
-    /// How fast the corner moves towards its foot, by the velocities of the corners [m/s].
+    /// Returns the speed of the corner towards its foot, by the velocities of the corners [m/s].
     fn approach(&self, v: [Simd4; 3]) -> f64 {
         let foot = v[(self.corner + 1) % 3] * (1.0 - self.foot) + v[(self.corner + 2) % 3] * self.foot;
         (v[self.corner] - foot).dot(self.direction)

@@ -1,4 +1,4 @@
-//! What the registry knows of an effect, and what an effect puts into the step.
+//! Description of an effect in the registry, and contributions of an effect to the step.
 
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::repulsion::Laws;
@@ -12,14 +12,14 @@ use crate::settings::{Field, Settings};
 use crate::snapshot::saved_section::SectionId;
 use crate::volumes::Volume;
 
-/// Where an effect is asked for.
+/// Place in which an effect is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
-    /// By a table of the scene.
+    /// A table of the scene.
     Scene,
-    /// By a table under a garment.
+    /// A table under a garment.
     Garment,
-    /// By pins or bodies; it has no table of its own.
+    /// Pins or bodies; the effect has no table of its own.
     Implied,
 }
 
@@ -28,7 +28,7 @@ pub enum Scope {
 pub enum Need {
     /// Masses and the split into parts: always there.
     State,
-    /// Where pinned vertices have to be at the ends of a step.
+    /// Prescribed positions of pinned vertices at the ends of a step.
     PinTargets,
     /// Bodies at both ends of a step, with trees over the triangles of deforming surfaces.
     Bodies,
@@ -192,7 +192,7 @@ impl MapSpec {
     }
 }
 
-/// What an effect may look at while it is made.
+/// Inputs that an effect may look at while it is made.
 pub(crate) struct BuildContext<'a> {
     /// The checked scene.
     pub(crate) scene: &'a Scene,
@@ -200,20 +200,20 @@ pub(crate) struct BuildContext<'a> {
     pub(crate) garment: Option<usize>,
 }
 
-/// What an effect puts into the step.
+/// Contributions of an effect to the step.
 #[derive(Default)]
 pub struct Effect {
     /// Forces, each on one part.
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub(crate) pins: Option<HardPins>,
-    /// What changes velocities between the solves.
+    /// Changes of velocities between the solves.
     pub(crate) filters: Vec<Box<dyn VelocityFilter>>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
     pub(crate) self_repulsion: Option<(Laws, f64)>,
-    /// How geometric collisions are resolved.
+    /// Settings by which geometric collisions are resolved.
     pub(crate) self_collision: Option<CollisionSettings>,
     /// A volume that its forces look at in [`crate::effects::force::ForceContext::volumes`].
     pub(crate) volume: Option<Volume>,
@@ -225,7 +225,7 @@ pub struct Effect {
     pub(crate) elements: usize,
     /// Memory held [bytes].
     pub(crate) bytes: usize,
-    /// What the effect had to change to run well, for `drapery plan`.
+    /// Changes that the effect had to make to run well, for `drapery plan`.
     pub(crate) notes: Vec<String>,
 }
 

@@ -4,7 +4,7 @@
 //! `k (l - l_rest) e - c ((v1 - v2)·e) e` and vertex 2 with the opposite; `k` in N/m, `c` in N s/m. The elastic term is
 //! the paper's `E (l/l0 - 1) e` with `k = E/l0`; the damping term carries the sign that dissipates.
 //!
-//! How a part keeps its springs and loops over them is in `part_springs`.
+//! Storage of a part's springs, and the loops over them, are in `part_springs`.
 
 mod part_springs;
 
@@ -16,7 +16,7 @@ use crate::parallel::ranks::Ranks;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::settings::{Default, Dimension, Field, Settings};
 
-/// How the stiffness of each spring follows from a setting.
+/// Law by which the stiffness of each spring follows from a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Stiffness {
     /// Membrane stiffness Y [N/m]: `k = Y · A / l0²` with A the rest area next to the spring, so that the cloth's
@@ -89,15 +89,15 @@ fn stiffness_setting(settings: &Settings) -> Result<Stiffness, String> {
     }
 }
 
-/// Which springs an effect has.
+/// Springs of an effect.
 pub(super) struct Springs<'a> {
     /// The effect.
     pub(super) name: &'a str,
-    /// What finds them in a garment's mesh.
+    /// Function that finds them in a garment's mesh.
     pub(super) elements: fn(&TriangleMesh) -> Vec<SpringElement>,
     /// Whether their strain is that of the cloth.
     pub(super) is_cloth: bool,
-    /// How they stiffen as they are pulled, if they do.
+    /// Curve by which they stiffen in tension, if they do.
     pub(super) curve: Option<TensileCurve>,
 }
 
@@ -158,11 +158,11 @@ struct SpringNetwork<'a> {
     shortest: f64,
     /// Whether their strain is that of the cloth.
     measures_strain: bool,
-    /// How they stiffen as they are pulled, if they do.
+    /// Curve by which they stiffen in tension, if they do.
     curve: Option<TensileCurve>,
 }
 
-/// What the settings make of some springs.
+/// Stiffnesses that the settings give some springs.
 pub(super) struct Stiffnesses {
     /// Stiffness of each [N/m].
     pub(super) of_springs: Vec<f64>,
@@ -207,7 +207,7 @@ pub(super) fn stiffnesses_of(
 struct Softened {
     /// The length to which they are [m].
     shortest: f64,
-    /// How many are shorter.
+    /// Number of shorter springs.
     count: u64,
 }
 

@@ -1,4 +1,4 @@
-//! How long a step explicit forces allow (`docs/theory/step.md#the-choice-of-dt`).
+//! Longest step that explicit forces allow (`docs/theory/step.md#the-choice-of-dt`).
 
 use crate::effects::force::Force;
 use crate::scene::SolverSettings;

@@ -1,4 +1,4 @@
-//! How cloth stiffens as it is pulled: the curve of force by strain of `stretch` and of `membrane`
+//! Stiffening of cloth in tension: the curve of force by strain of `stretch` and of `membrane`
 //! (`docs/theory/step.md#stiffening-in-tension`).
 //!
 //! ```toml
@@ -55,7 +55,7 @@ const LINEARITY: f64 = 0.6;
 /// Exponents that a linearity may ask for: below, the slope rises like a step; above, cloth would meet a wall.
 const EXPONENTS: [f64; 2] = [0.5, 8.0];
 
-/// Where the curve goes straight on, by its extension.
+/// Strain above which the curve is straight, as a multiple of its extension.
 const STRAIGHT: f64 = 2.0;
 
 /// Force by strain of cloth that stiffens, over its stiffness at rest.
@@ -108,7 +108,7 @@ impl TensileCurve {
     /// The curve of the settings, for cloth with this stiffness at small strains [N/m]; `None` if they have none.
     ///
     /// # Errors
-    /// What is wrong with it, and what to do.
+    /// Description of the fault in the settings, and its remedy.
     fn of_settings(settings: &Settings, stiffness: f64) -> Result<Option<Self>, [String; 2]> {
         let [extension, load, linearity] = ["extension", "load", "linearity"].map(|name| settings.optional(name));
         let Some(extension) = extension else {
@@ -153,19 +153,19 @@ impl TensileCurve {
         Ok(Some(Self { extension, gain: 1.0 / straight - 1.0, exponent }))
     }
 
-    /// What the force is over that of cloth that does not stiffen, at a strain above zero.
+    /// Returns the ratio of the force to the force of cloth that does not stiffen, at a strain above zero.
     pub fn factor(&self, strain: f64) -> f64 {
         1.0 + self.gain * self.share(strain)
     }
 
-    /// What the slope of the force by strain is more than that of cloth that does not stiffen, over the stiffness at rest; none
-    /// in compression.
+    /// Returns the excess of the slope of the force by strain over the slope for cloth that does not stiffen, divided
+    /// by the stiffness at rest; zero in compression.
     pub(crate) fn rise(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension) / self.extension;
         self.gain * (1.0 + self.exponent) * within.powf(self.exponent)
     }
 
-    /// What the energy by rest area is more, likewise.
+    /// Returns the excess of the energy by rest area, likewise.
     pub(crate) fn extra_energy(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension);
         let beyond = strain.max(within) - within;
@@ -173,7 +173,7 @@ impl TensileCurve {
         force * within / (self.exponent + 2.0) + beyond * (force + 0.5 * beyond * self.rise(within))
     }
 
-    /// What the force is more, by strain and stiffness at rest, over R − 1; none in compression.
+    /// Returns the excess of the force, by strain and stiffness at rest, divided by R − 1; zero in compression.
     fn share(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension);
         let power = (within / self.extension).powf(self.exponent);

@@ -107,7 +107,7 @@ const FIELDS: &[Field] = &[
     },
 ];
 
-/// What is the same for all parts.
+/// Properties that are the same for all parts.
 struct Air {
     velocity: Vec3,
     keys: Vec<(f64, Vec3)>,
@@ -176,7 +176,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     Ok(effect)
 }
 
-/// What is painted of the wind, on the triangles of a part and on its vertices.
+/// Returns the painted shares of the wind, on the triangles of a part and on its vertices.
 fn shares(scene: &Scene, part: usize, triangles: &PartTriangles, painted: &[[f64; 2]]) -> [Vec<f64>; 2] {
     let of_triangle = |corners: &[u32; 3]| corners.iter().map(|v| painted[*v as usize][0]).sum::<f64>() / 3.0;
     let own = scene.parts().ranges()[part].clone();

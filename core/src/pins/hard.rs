@@ -93,7 +93,7 @@ impl HardPins {
         });
     }
 
-    /// How many own vertices stay behind their targets in the step from `x` [m].
+    /// Returns the number of own vertices that stay behind their targets in the step from `x` [m].
     pub(crate) fn behind(&self, targets: &PinTargets, recovery_speed: RecoverySpeed, x: &[Vec3]) -> u64 {
         let is_late = |pin: &&HardPin| {
             let late = |axis: usize| {

@@ -11,12 +11,12 @@ use crate::pins::targets::PinTargets;
 pub(crate) struct Mobility(Vec<Vec3>);
 
 impl Mobility {
-    /// Of vertices with these masses [kg] that nothing holds.
+    /// Returns the mobility of vertices with these masses [kg] that nothing holds.
     pub(crate) fn new(masses: &[f64]) -> Self {
         Self(masses.iter().map(|mass| Vec3::repeat(1.0 / mass)).collect())
     }
 
-    /// By axis, over the local vertices [1/kg].
+    /// Returns the inverse masses by axis, over the local vertices [1/kg].
     pub(crate) fn of_vertices(&self) -> &[Vec3] {
         &self.0
     }

@@ -1,4 +1,5 @@
-//! Where pinned vertices have to be: the start position (moved along a path), an animated track, or a point on a body's surface.
+//! Prescribed positions of pinned vertices: the start position (moved along a path), an animated track, or a point on
+//! a body's surface.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +12,10 @@ use crate::scene::{FARTHEST, PinAnchor, PinTarget, Pinned, Scene, is_possible};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 
-/// What pins and attachments remember together.
+/// Section with the common memory of pins and attachments.
 pub(crate) const SECTION: SectionId = SectionId { name: "pins", version: 1 };
 
-/// What one pinned vertex follows.
+/// Source that one pinned vertex follows.
 #[derive(Debug, Clone)]
 enum Source {
     /// A place, moved along a piecewise linear path of offsets.
@@ -38,7 +39,7 @@ struct Target {
     source: Source,
 }
 
-/// Where pinned vertices have to be at both ends of the current step.
+/// Prescribed positions of pinned vertices at both ends of the current step.
 #[derive(Debug, Default)]
 pub struct PinTargets {
     targets: Vec<Target>,
@@ -50,7 +51,7 @@ pub struct PinTargets {
     active: Vec<bool>,
     /// Whether some pin of the scene can break: alike on all ranks, also where none is pinned.
     breakable: bool,
-    /// How far each target may be from its vertex before it breaks [m]; empty if none can.
+    /// Largest distance of each target from its vertex before it breaks [m]; empty if none can.
     reaches: Vec<f64>,
     /// When each target broke [s], infinite for those that hold; empty if none can.
     broken_at: Vec<f64>,
@@ -170,7 +171,8 @@ impl PinTargets {
         }
     }
 
-    /// What the pins remember: the places taken when they took hold, and where their vertices were bound to bodies.
+    /// Saves the memory of the pins: the places taken when they took hold, and the places at which their vertices
+    /// were bound to bodies.
     pub(crate) fn save(&self) -> SavedSection {
         let place = |target: &Target| match &target.source {
             Source::Path { place, .. } => *place,
@@ -238,8 +240,8 @@ impl PinTargets {
         Ok(())
     }
 
-    /// Where a target is at a time [s] to which these samples of bodies and tracks lead [m]; `None` if it does not hold then, or
-    /// if its place is known only when it takes hold.
+    /// Returns the place of a target at a time [s] to which these samples of bodies and tracks lead [m]; `None` if it
+    /// does not hold then, or if its place is known only when it takes hold.
     pub(crate) fn place_at(&self, target: usize, time: f64, [bodies, tracks]: [&[Vec<Sample>]; 2]) -> Option<Vec3> {
         let target = &self.targets[target];
         let (from, until) = self.windows[target.pin];
@@ -296,7 +298,7 @@ impl PinTargets {
         if self.dt > 0.0 { (self.at_t1[target] - self.at_t0[target]) / self.dt } else { Vec3::zeros() }
     }
 
-    /// What is left of the way to the target along an axis after a step from `x` [m].
+    /// Returns the remaining displacement to the target along an axis after a step from `x` [m].
     pub(super) fn rest_of_lag(&self, target: usize, recovery_speed: RecoverySpeed, x: Vec3, axis: usize) -> f64 {
         let lag = self.at_t0[target][axis] - x[axis];
         (lag.abs() - recovery_speed.of(lag.abs())).copysign(lag)

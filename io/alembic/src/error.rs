@@ -1,4 +1,4 @@
-//! What can go wrong, said with file, place and next step.
+//! Failures of this crate, stated with file, place and next step.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ pub enum AlembicError {
     Io {
         /// File concerned.
         path: PathBuf,
-        /// What was tried.
+        /// Action that was tried.
         action: &'static str,
         /// Reason given by the system.
         source: std::io::Error,
@@ -35,7 +35,7 @@ pub enum AlembicError {
     NotOgawa {
         /// File concerned.
         path: PathBuf,
-        /// What was found instead.
+        /// Description of the content found instead.
         reason: String,
     },
     /// The writer never committed.
@@ -55,7 +55,7 @@ pub enum AlembicError {
         path: PathBuf,
         /// Object path, with the property after a colon, or the table concerned.
         place: String,
-        /// What was found.
+        /// Description of the content found.
         reason: String,
     },
     /// An object, a property or a sample that was asked for is not there, or has another type.
@@ -65,9 +65,9 @@ pub enum AlembicError {
         path: PathBuf,
         /// Object path, with the property after a colon.
         place: String,
-        /// What is missing.
+        /// Description of the missing item.
         reason: String,
-        /// What to do.
+        /// Action to take.
         help: String,
     },
     /// A value given to the writer cannot be stored.
@@ -77,13 +77,13 @@ pub enum AlembicError {
         path: PathBuf,
         /// Object path, with the property after a colon.
         place: String,
-        /// Which rule it breaks and what would be accepted.
+        /// Rule that it breaks and the input that would be accepted.
         reason: String,
     },
     /// Sample times that the format cannot express.
     #[error("time sampling: {reason}")]
     TimeSampling {
-        /// Which rule is broken and what would be accepted.
+        /// Rule that is broken and the input that would be accepted.
         reason: String,
     },
 }

@@ -35,7 +35,7 @@ pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
     bounds
 }
 
-/// What one value of a geometry parameter belongs to.
+/// Part of the object that one value of a geometry parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// One value for the whole object.
@@ -71,7 +71,7 @@ impl Scope {
     }
 }
 
-/// What the numbers of an element mean.
+/// Meaning of the numbers of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // the names say all
 pub enum Interpretation {

@@ -110,7 +110,7 @@ impl ChunkSource {
         Ok(Self { path: path.to_owned(), length, header, bytes: Bytes::File(Mutex::new(file)) })
     }
 
-    /// Where the header says that the root group stands.
+    /// Returns the position of the root group according to the header.
     pub(crate) fn root_in_header(&self) -> u64 {
         number(self.header.get(8..).unwrap_or_default())
     }

@@ -25,7 +25,7 @@ pub(crate) struct PackedProperty {
     pub(crate) samples: Option<PackedSamples>,
 }
 
-/// What the header of a scalar or array property says about its samples.
+/// Description of the samples in the header of a scalar or array property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct PackedSamples {
     pub(crate) is_array: bool,
@@ -54,7 +54,7 @@ impl PackedSamples {
         }
     }
 
-    /// How many samples are stored.
+    /// Returns the number of samples that are stored.
     pub(crate) fn stored_count(&self) -> u32 {
         if self.count == 0 { 0 } else { self.stored_index(self.count - 1) + 1 }
     }

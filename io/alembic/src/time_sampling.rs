@@ -5,8 +5,8 @@ use crate::error::AlembicError;
 /// Stored as time per cycle to say "acyclic".
 const ACYCLIC: f64 = f64::MAX / 32.0;
 
-/// How far before a sample a time may lie and still count as that sample, in mean sample steps. Frame times such as
-/// 1001/24 are rounded differently by every program.
+/// Largest distance before a sample at which a time still counts as that sample, in mean sample steps. Frame times
+/// such as 1001/24 are rounded differently by every program.
 const INDEX_TOLERANCE: f64 = 1e-5;
 
 /// Times of samples, shared by any number of properties.
@@ -83,7 +83,7 @@ impl TimeSampling {
         Ok(Self { time_per_cycle, times })
     }
 
-    /// Which of the three forms this is.
+    /// Returns the form of this sampling, one of the three.
     pub fn kind(&self) -> SamplingKind {
         if self.time_per_cycle == ACYCLIC {
             SamplingKind::Acyclic

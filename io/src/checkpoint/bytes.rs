@@ -72,7 +72,7 @@ pub(super) struct ContentHash {
 }
 
 impl ContentHash {
-    /// Of a checkpoint with this head.
+    /// Begins the hash of a checkpoint with this head.
     pub(super) fn new(head: &str) -> Self {
         let text = format!("head {}\n", hex(&Sha256::digest(head.as_bytes())));
         Self { text, section: String::new(), open: None }

@@ -1,10 +1,10 @@
-//! How often somebody wants checkpoints, as the command and the site file take it.
+//! Requested interval between checkpoints, as the command and the site file take it.
 
 use std::str::FromStr;
 
 use crate::duration::{TimeError, parse_duration};
 
-/// How often checkpoints are asked for.
+/// Requested interval between checkpoints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Every {
     /// As often as costs little: what a run does then is its own to know.

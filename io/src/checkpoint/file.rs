@@ -23,7 +23,7 @@ pub use writer::CheckpointWriter;
 // The arrays are written as little-endian bytes under the machine's own types.
 const _: () = assert!(cfg!(target_endian = "little"), "checkpoints need a little-endian machine");
 
-/// What a checkpoint is of. Everything in it follows from the shot, nothing from the machine.
+/// Shot and moment that a checkpoint belongs to. Everything in it follows from the shot, nothing from the machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Head {
     /// Version of the layout.
@@ -42,9 +42,9 @@ pub struct Head {
     pub delivered: Option<i64>,
     /// Frames per second, numerator and denominator.
     pub fps: [u32; 2],
-    /// What the shot is made of, by name: hashes that tell whether it was changed.
+    /// Hashes of the parts of the shot, by name, to tell whether they were changed.
     pub digests: BTreeMap<String, String>,
-    /// Where each cache ends at this moment.
+    /// End of each cache at this moment.
     pub caches: Vec<Value>,
 }
 
@@ -59,7 +59,7 @@ impl Head {
 /// The exact state of a run, in memory: for comparisons.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// What it is of.
+    /// Shot and moment that it belongs to.
     pub head: Head,
     /// State of the solver.
     pub snapshot: Snapshot,

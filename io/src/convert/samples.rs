@@ -1,4 +1,4 @@
-//! Which samples of a cache go into the new one.
+//! Choice of the samples of a cache that go into the new one.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use crate::formats;
 /// Samples that lie closer to each other behind their frames lie alike [frames].
 const ALIKE: f64 = 1e-6;
 
-/// What is written.
+/// Samples that are written.
 #[derive(Debug, PartialEq)]
 pub(super) struct Chosen {
     /// Number of the sample in the old cache, its frame, and which one behind that, in the order of their times.
     pub(super) all: Vec<(usize, i64, usize)>,
-    /// Where there are samples behind each frame, as fractions of a frame.
+    /// Times of the samples behind each frame, as fractions of a frame.
     pub(super) sub_frames: Vec<f64>,
 }
 

@@ -1,4 +1,5 @@
-//! What caches of all formats share when they are continued: checks of the mark, and names beside the final one.
+//! Parts that caches of all formats share when they are continued: checks of the mark, and names beside the final
+//! one.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -7,7 +8,7 @@ use std::path::Path;
 use crate::cache::{CacheMark, CachePlan};
 use crate::error::IoError;
 
-/// What helps when a cache is not what its mark says.
+/// Remedy for a cache that does not match its mark.
 const GO_BACK: &str = "run again from an earlier checkpoint with --resume FRAME, or from the start with --overwrite";
 
 /// The error of a cache that cannot be continued from its mark.
@@ -26,7 +27,7 @@ pub(super) fn too_short(path: &Path, plan: &CachePlan<'_>, held: i64) -> IoError
     )
 }
 
-/// How many frames a cache has up to its mark.
+/// Returns the number of frames that a cache has up to its mark.
 ///
 /// # Errors
 /// The mark is that of another file, or its frame is outside the plan.

@@ -1,4 +1,4 @@
-//! What of a scene file only the rules of a scene look at.
+//! Parts of a scene file that only the rules of a scene look at.
 
 use crate::rules::{RULES, find};
 use crate::shot_description::CheckDescription;
@@ -8,7 +8,7 @@ use super::resolve::Resolver;
 use super::tree::{Node, Origin, Path};
 
 impl Resolver<'_> {
-    /// What the rules look at; refuses names of none.
+    /// Collects the data that the rules look at; refuses names that belong to no rule.
     pub(super) fn check_description(&mut self) -> CheckDescription {
         let silenced = self.scene.document.check.silence.clone();
         let here = Path::default().key("check").key("silence");

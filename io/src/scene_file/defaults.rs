@@ -1,4 +1,5 @@
-//! What a key of a scene is where the scene does not say it: for comparing scenes that programs of different age have written out.
+//! Default value of a key of a scene, where the scene does not state it: for comparing scenes that programs of
+//! different age have written out.
 
 use drapery_core::effects::Scope;
 use drapery_core::geometry::shapes::Shape;
@@ -12,7 +13,7 @@ use super::raw::Document;
 /// The defaults of all keys that this program knows.
 #[derive(Debug)]
 pub struct Defaults {
-    /// Of what is read by structs.
+    /// Defaults of the keys that are read by structs.
     schema: Value,
 }
 
@@ -42,7 +43,7 @@ impl Defaults {
         self.property(&path(table)).and_then(|property| property.get("default")).is_some_and(Value::is_object)
     }
 
-    /// What the structs say of a key.
+    /// Returns the schema that the structs give for a key.
     fn property(&self, keys: &[&str]) -> Option<&Value> {
         keys.iter().try_fold(&self.schema, |node, key| {
             let node = self.referred(node);

@@ -62,7 +62,7 @@ impl de::Error for Misfit {
     }
 }
 
-/// What tables look like that are usually written on one line.
+/// Examples of tables that are usually written on one line.
 const EXAMPLES: [(&str, &str); 12] = [
     ("Preroll", "{ settle = 24 }"),
     ("FileUnits", "{ length = \"cm\", up = \"Y\" }"),
@@ -78,10 +78,10 @@ const EXAMPLES: [(&str, &str); 12] = [
     ("SeamSide", "{ garment = \"left\", vertices = [0, 1] }"),
 ];
 
-/// What a region looks like.
+/// Example of a region.
 const REGION: &str = "{ box = { min = [-1, 0, -1], max = [1, 2, 1] } }";
 
-/// What Rust's types are called outside of Rust.
+/// Returns the words for Rust's types that are used outside of Rust.
 fn plain(expected: &str) -> String {
     match expected {
         "u32" | "u64" | "usize" => "a whole number, zero or more".to_owned(),
@@ -179,7 +179,7 @@ fn key_place(node: &Node, word: &str) -> Place {
     node.as_table().and_then(|t| t.entry(word)).map_or_else(|| node.place.clone(), |e| e.key_place.clone())
 }
 
-/// Where a key stands, in a sentence.
+/// Names the place of a key, for use in a sentence.
 fn table_name(path: &Path) -> String {
     if path.0.is_empty() { "at the top level".to_owned() } else { format!("in `{}`", dotted(path)) }
 }

@@ -11,9 +11,9 @@ use crate::error::{IoError, IoErrorKind};
 /// `Display` shows all of it, with the line and a caret; a program that draws its own frames takes the parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneFileError {
-    /// What is wrong.
+    /// Fault, in words.
     pub message: String,
-    /// What to do, if there is something to say.
+    /// Remedy, if there is one to give.
     pub help: Option<String>,
     /// Where; `None` when the file could not be read at all.
     pub location: Option<Location>,

@@ -142,13 +142,13 @@ fn check_values(node: &Node, fields: &[Field], path: &Path, sources: &Sources) -
     Settings::check(fields, &written(node, fields)).map_err(|texts| sources.error(&node.place, missing(texts), None))
 }
 
-/// What a table of a checked scene says by these rows, with their defaults.
+/// Returns the settings that a table of a checked scene states by these rows, with their defaults.
 pub(super) fn settings(node: &Node, fields: &[Field]) -> Settings {
     let checked = Settings::check(fields, &written(node, fields));
     checked.unwrap_or_else(|texts| panic!("checked when it was read: {}", texts.join("; ")))
 }
 
-/// What was written; defaults are left to the rows, which then know them as such.
+/// Returns the values that were written; defaults are left to the rows, which then know them as such.
 pub(super) fn written(node: &Node, fields: &[Field]) -> Written {
     let of = |field: &Field| {
         let node = node.as_table()?.get(field.name).filter(|node| node.origin != Origin::Default)?;
@@ -157,7 +157,7 @@ pub(super) fn written(node: &Node, fields: &[Field]) -> Written {
     fields.iter().filter_map(of).collect()
 }
 
-/// Where each value that was written comes from, in the words of `resolved.toml`.
+/// Returns the origin of each value that was written, in the words of `resolved.toml`.
 pub(super) fn sources(node: &Node, fields: &[Field]) -> BTreeMap<String, String> {
     let of = |field: &Field| {
         let node = node.as_table()?.get(field.name).filter(|node| node.origin != Origin::Default)?;

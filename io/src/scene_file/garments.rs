@@ -56,7 +56,7 @@ pub(super) struct FromFile {
 }
 
 impl FromFile {
-    /// What was opened as `source`, of which these objects were chosen.
+    /// Describes the mesh that was opened as `source`, of which these objects were chosen.
     pub(super) fn of(source: &MeshSource, objects: Option<String>, time: f64) -> Self {
         let (file, units) = (source.path().to_owned(), source.units());
         Self { file, memory: source.memory().cloned(), objects, units, time }
@@ -124,7 +124,8 @@ impl Resolver<'_> {
         self.description.garments.push(garment);
     }
 
-    /// Where the points of a garment start, if somebody looks; `None` after a problem, which is recorded.
+    /// Finds the start positions of the points of a garment, if somebody looks; `None` after a problem, which is
+    /// recorded.
     pub(super) fn places<'a>(
         &mut self,
         path: &Path,

@@ -47,7 +47,7 @@ const LINEARITY: f64 = 0.6;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
-    /// What it is.
+    /// Short description.
     #[serde(default)]
     summary: String,
     density: Quantity,
@@ -62,7 +62,7 @@ struct MaterialFile {
     strain_limit: Option<Quantity>,
     load: Option<Quantity>,
     linearity: Option<Quantity>,
-    /// Where the numbers come from.
+    /// Source of the numbers.
     #[serde(default)]
     provenance: String,
 }

@@ -1,7 +1,8 @@
-//! How much memory a scene will take, by its numbers of points and its effects, before any of it is taken.
+//! Memory that a scene will take, by its numbers of points and its effects, estimated before any of it is taken.
 //!
-//! What is expected is the peak of `drapery check` on one thread, measured with panels of 40,000 and 250,000 points for each
-//! effect by itself (`/usr/bin/time -v`); meshes of triangles have about two triangles and three edges for each point.
+//! The estimate is the peak of `drapery check` on one thread, measured with panels of 40,000 and 250,000 points for
+//! each effect by itself (`/usr/bin/time -v`); meshes of triangles have about two triangles and three edges for each
+//! point.
 
 use drapery_core::effects::{REGISTRY, body_collision};
 use drapery_core::scene::EffectRequest;
@@ -11,15 +12,15 @@ use crate::memory::available;
 use super::tree::{Path, Segment};
 use super::{SceneFile, effects, raw};
 
-/// Of a point without effects: its mesh while it is cut up, its place among the ranks, the state [bytes].
+/// Memory of a point without effects: its mesh while it is cut up, its place among the ranks, the state [bytes].
 const OF_POINT: f64 = 460.0;
 
-/// What the garments so far are expected to take, and what there is.
+/// Memory that the garments so far are expected to take, and memory that is available.
 #[derive(Debug)]
 pub(super) struct Memory {
     /// Ranks that share the garments.
     ranks: usize,
-    /// Of a point of each garment of the scene file, with the effects that it has [bytes].
+    /// Memory of a point of each garment of the scene file, with the effects that it has [bytes].
     of_point: Vec<f64>,
     needed: f64,
     available: Option<u64>,
@@ -45,9 +46,9 @@ impl Memory {
 /// Why a garment has no room.
 #[derive(Debug)]
 pub(super) struct NoRoom {
-    /// What is wrong.
+    /// Fault, in words.
     pub(super) what: String,
-    /// What to do.
+    /// Remedy.
     pub(super) advice: String,
 }
 

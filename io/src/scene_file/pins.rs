@@ -60,7 +60,7 @@ pub(super) struct Named<'a> {
 }
 
 impl Named<'_> {
-    /// How many ways are used.
+    /// Returns the number of ways that are used.
     pub(super) fn ways(&self) -> usize {
         [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some(), self.region.is_some()]
             .into_iter()

@@ -1,4 +1,4 @@
-//! What presets put into a scene before its own defaults: the solver's quality, and materials.
+//! Values that presets put into a scene before its own defaults: the solver's quality, and materials.
 
 use std::borrow::Cow;
 use std::path::PathBuf;

@@ -84,7 +84,7 @@ fn look_into<'a>(
     inner.try_for_each(|(path, segment, node)| look(node, &step(forms, &segment), &path, sources))
 }
 
-/// What the schema says of a key or an element.
+/// Returns the schemas of a key or an element.
 fn step<'a>(forms: &[&'a Json], segment: &Segment) -> Vec<&'a Json> {
     let inner = |form: &&'a Json| match segment {
         Segment::Key(key) => form["properties"].get(key),

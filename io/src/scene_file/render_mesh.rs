@@ -24,7 +24,7 @@ const OF_POINT: f64 = 400.0;
 /// Longest name of a garment with a render mesh [bytes]: that of its caches is longer.
 const LONGEST_NAME: usize = 235 - RENDER.len();
 
-/// What to do where parts are to stay rigid and the file names none.
+/// Remedy where parts are to stay rigid and the file names none.
 const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
                             file again, or leave `rigid` out";
 

@@ -25,12 +25,12 @@ use super::raw::{self, FileUnits, Quantity};
 use super::tree::{Path, Segment};
 use super::{SceneFile, effects, fields, file_names, ranges, resolved, thickness};
 
-/// What pins have to know of a garment.
+/// Data of a garment that pins need.
 pub(super) struct ReadGarment<'a> {
     pub(super) points: usize,
     /// Its rest shape.
     pub(super) mesh: &'a GarmentMesh,
-    /// Where they start, if a pin looks.
+    /// Start positions of its points, if a pin looks.
     pub(super) places: &'a [Vec3],
     pub(super) grid: Option<[u32; 2]>,
     pub(super) units: Option<FileUnits>,
@@ -55,11 +55,11 @@ pub(super) struct Resolver<'a> {
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
     pub(super) referred_files: Vec<PathBuf>,
-    /// What is worth saying about files that can be read.
+    /// Warnings about files that can be read.
     warnings: Vec<String>,
     /// The unit [m] that a body's file states, where its size shows that it is not meant.
     pub(super) misstated: Option<f64>,
-    /// What the garments so far need.
+    /// Memory that the garments so far need.
     pub(super) memory: Memory,
 }
 
@@ -295,7 +295,7 @@ impl Resolver<'_> {
         self.description.solver = SolverSettings::of(&settings);
     }
 
-    /// What the table at a path says by these rows, with their defaults.
+    /// Returns the settings that the table at a path states by these rows, with their defaults.
     pub(super) fn settings(&self, path: &Path, fields: &[Field]) -> Settings {
         fields::settings(path.find(&self.scene.root), fields)
     }

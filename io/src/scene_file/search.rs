@@ -1,11 +1,11 @@
-//! Where the files that a scene names are found on this machine: path maps, and folders of materials.
+//! Places on this machine of the files that a scene names: path maps, and folders of materials.
 
 use std::path::{Path as FilePath, PathBuf};
 
 use super::resolved::names_file;
 use super::tree::{Node, Origin, Value};
 
-/// Where files are found; the default finds them where the scene says.
+/// Places where files are found; the default finds them where the scene says.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SearchPaths {
     /// Maps of paths that begin elsewhere on this machine.

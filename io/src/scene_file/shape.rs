@@ -41,7 +41,7 @@ pub(super) fn read(node: &Node, path: &Path, sources: &Sources) -> Result<Shape,
     Ok((spec.of)(&sizes))
 }
 
-/// What a shape looks like.
+/// Returns an example of a shape.
 fn example(spec: &ShapeSpec) -> String {
     let size = |default: Default| if default.is_number() { "0.15" } else { "[0.15, 0.15, 0.15]" };
     let sizes: Vec<String> =

@@ -26,7 +26,7 @@ type TakePoint<'a> = &'a mut dyn FnMut(Vec3, [f64; 2]);
 /// Takes the corners of a triangle.
 type TakeTriangle<'a> = &'a mut dyn FnMut([u32; 3]);
 
-/// What is generated.
+/// Shape that is generated.
 #[derive(Debug, Clone)]
 pub(super) enum Form {
     Panel(Panel),
@@ -37,7 +37,7 @@ pub(super) enum Form {
 }
 
 impl Form {
-    /// What a garment is generated from; `None` for one from a file.
+    /// Returns the shape that a garment is generated from; `None` for one from a file.
     pub(super) fn of(garment: &Garment) -> Option<Self> {
         let Garment { panel, disc, sphere, tube, leaves, .. } = garment;
         let first =

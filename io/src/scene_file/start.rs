@@ -1,4 +1,4 @@
-//! Where the points of a garment start, and how fast.
+//! Start positions and start velocities of the points of a garment.
 
 use drapery_core::Vec3;
 use drapery_core::mesh::MeshStream;

@@ -16,8 +16,9 @@ const STEPS: f64 = 1e5;
 /// The key.
 const KEY: &str = "thickness";
 
-/// What the faces of each body and of the garments ask for; takes it where the scene says no thickness, and the fabrics are no
-/// thicker. `ridges` are those of the bodies that are meshes. Garments are read once more, one after the other, where there is one.
+/// Finds the thickness that the faces of each body and of the garments ask for; takes it where the scene says no
+/// thickness, and the fabrics are no thicker. `ridges` holds the ridges of the bodies that are meshes. Garments are
+/// read once more, one after the other, where there is such a body.
 pub(super) fn of_bodies(
     root: &Node,
     ridges: Vec<Option<Ridges>>,

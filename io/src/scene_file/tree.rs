@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::diagnostics::{Location, SceneFileError};
 
-/// Where a value came from; shown in `resolved.toml`.
+/// Origin of a value; shown in `resolved.toml`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Origin {
     /// Written in the scene file.
@@ -85,7 +85,7 @@ pub(super) struct Node {
     pub(super) origin: Origin,
 }
 
-/// What a node holds.
+/// Value of a node.
 #[derive(Debug, Clone)]
 pub(super) enum Value {
     Boolean(bool),

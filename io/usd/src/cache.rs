@@ -34,7 +34,7 @@ pub enum CacheError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the fault.
         what: String,
     },
     /// A stage that another program made.
@@ -42,7 +42,7 @@ pub enum CacheError {
     NotOurs {
         /// The file.
         path: PathBuf,
-        /// What is missing.
+        /// Feature of a cache that is missing.
         what: &'static str,
     },
 }
@@ -53,7 +53,7 @@ pub struct Cache {
     path: PathBuf,
     folder: PathBuf,
     mesh: sdf::Path,
-    /// What the layer says: how it was made.
+    /// Provenance that the layer states: how it was made.
     pub properties: Vec<(String, String)>,
     /// Length of one unit [m].
     pub metres_per_unit: f64,
@@ -71,10 +71,10 @@ pub struct Cache {
     pub still: Still,
 }
 
-/// What does not move.
+/// Data that do not move.
 #[derive(Debug, Default)]
 pub struct Still {
-    /// What positions are counted from.
+    /// Origin that positions are counted from.
     pub origin: [f64; 3],
     /// Number of corners of each face.
     pub face_counts: Vec<u32>,
@@ -225,7 +225,7 @@ impl Cache {
     }
 }
 
-/// What a cache has samples of.
+/// Samples that a cache has.
 struct Samples {
     frames: Vec<i64>,
     between: Vec<f64>,
@@ -253,7 +253,7 @@ fn samples_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Resul
     Ok(Samples { frames, between, clips })
 }
 
-/// What does not move, and the path of the mesh.
+/// Reads the data that do not move, and the path of the mesh.
 fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
     let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
     let layer = read_binary_layer(path)?;

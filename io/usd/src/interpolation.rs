@@ -1,6 +1,6 @@
-//! What one value of a primvar belongs to, read and written.
+//! Part of the mesh that one value of a primvar belongs to, read and written.
 
-/// What one value of a primvar belongs to.
+/// Part of the mesh that one value of a primvar belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
     /// The whole mesh.

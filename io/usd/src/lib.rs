@@ -30,5 +30,5 @@ pub mod write;
 pub use interpolation::Interpolation;
 pub use material::BoundMaterial;
 
-/// Of a render mesh: the garment that it follows.
+/// Attribute of a render mesh: the garment that it follows.
 pub(crate) const RENDER_MESH_OF: &str = "drapery:renderMeshOf";

@@ -3,14 +3,14 @@
 /// The relationship of a binding.
 pub(crate) const BINDING: &str = "material:binding";
 
-/// What says whether a binding wins over those below it, and the word that it does.
+/// Field that says whether a binding wins over the bindings below it, and the word with which it does.
 pub(crate) const STRENGTH: &str = "bindMaterialAs";
 pub(crate) const STRONGER: &str = "strongerThanDescendants";
 
 /// Type of materials.
 pub(crate) const MATERIAL: &str = "Material";
 
-/// Of a material that stands for another one: the path of that.
+/// Attribute of a material that stands for another one: the path of the other material.
 pub(crate) const SOURCE_PATH: &str = "drapery:sourcePath";
 
 /// A material that a mesh or a face set is bound to.
@@ -18,7 +18,7 @@ pub(crate) const SOURCE_PATH: &str = "drapery:sourcePath";
 pub struct BoundMaterial {
     /// Its path.
     pub path: String,
-    /// Where it only stands for another one: the path of that in the file that the mesh is from.
+    /// Path of the other material in the file that the mesh is from, where this one only stands for another one.
     pub source: Option<String>,
     /// Whether it wins over what is bound further down.
     pub is_stronger: bool,

@@ -35,7 +35,7 @@ pub struct Garment {
     pub waist_ring: Vec<usize>,
 }
 
-/// What a face gets from its place.
+/// Face set and chart that a face gets from its place.
 struct Panel {
     /// Its face set.
     set: usize,

@@ -15,7 +15,7 @@ const SKIRT_GAP: f64 = 0.008;
 const HEM_HEIGHT: f64 = 0.945;
 /// Length of the sleeves from the shoulder joint \[m\].
 const SLEEVE: f64 = 0.165;
-/// Where the sleeve is sewn to the body, from the shoulder joint \[m\].
+/// Distance from the shoulder joint to the seam between sleeve and body \[m\].
 const ARMHOLE: f64 = 0.02;
 /// Depth of the seam between front and back \[m\].
 const SIDE_SEAM_Z: f64 = -0.013;
@@ -50,7 +50,7 @@ pub fn tshirt(limbs: &[Limb], skirt: &Skirt, edge: f64) -> Garment {
     panelled("tshirt", mesh, &["body", "sleeves", "hem"], panel, flatten)
 }
 
-/// What makes the shirt wider than the body.
+/// Returns the shapes that make the shirt wider than the body.
 fn loose_shapes() -> Vec<(Shape, f64)> {
     let mut shapes = vec![(
         Shape::Ellipsoid {

@@ -16,15 +16,15 @@ pub(crate) const JUMP: f64 = 100.0;
 /// percent in a frame; a factor of two is a wrong unit or a broken sample.
 const RESIZED: f64 = 2.0;
 
-/// By which factor a closed body may lose volume to its area (the cube of its size) against its first sample: what is left of a
-/// body that is squashed flat has area on both sides and next to nothing between them. A chest that breathes out or an arm that
-/// bends changes it by a few percent.
+/// Factor to which the ratio of volume to area (the cube of its size) of a closed body may fall against its first
+/// sample: the remainder of a body that is squashed flat has area on both sides and next to nothing between them. A
+/// chest that breathes out or an arm that bends changes it by a few percent.
 const FLATTENED: f64 = 0.01;
 
-/// What was found of one kind: the worst, and in how many samples.
+/// Findings of one kind: the first, and the number of samples.
 #[derive(Debug, Default)]
 struct Found {
-    /// What is said of the first sample in which it is so.
+    /// Description of the first sample with the finding.
     first: Option<String>,
     samples: usize,
 }
@@ -110,7 +110,7 @@ impl<'a> Poses<'a> {
         self.before = Some((time, size, kept));
     }
 
-    /// What is to be said.
+    /// Returns the warnings.
     pub(super) fn warnings(self) -> impl Iterator<Item = String> {
         let jumps = self.jumps.warnings(
             "cloth cannot follow that; if the animation is cut there, simulate what comes after it as a shot of its own, with a \
@@ -141,7 +141,7 @@ fn fastest(from: &[Vec3], to: &[Vec3], time: f64) -> (f64, usize) {
     (if way > 0.0 { way / time } else { 0.0 }, vertex)
 }
 
-/// What is to be said of a path of points [s, m]; `place` names it.
+/// Returns the warning about a path of points [s, m], if there is one; `place` names it.
 pub(crate) fn path_warning(place: &str, points: &[(f64, Vec3)]) -> Option<String> {
     let mut jumps = Found::default();
     for ends in points.windows(2) {
@@ -154,7 +154,7 @@ pub(crate) fn path_warning(place: &str, points: &[(f64, Vec3)]) -> Option<String
     jumps.warnings("cloth cannot follow that; give these points of the path more time")
 }
 
-/// What is to be said of a shape that spins; `place` names it.
+/// Returns the warning about a shape that spins, if there is one; `place` names it.
 pub(crate) fn spin_warning(place: &str, shape: &Shape, motion: &RigidMotion) -> Option<String> {
     let reach = match *shape {
         // Level ground that turns about its normal; there is no farthest point of it.

@@ -11,7 +11,7 @@ use drapery_io::checkpoint::Every;
 /// Largest part of the time of a run that checkpoints take.
 pub(super) const LARGEST_SHARE: f64 = 0.05;
 
-/// What checkpoints may take beyond that [s]: short shots get every checkpoint that is asked for.
+/// Time that checkpoints may take beyond that share [s]: short shots get every checkpoint that is asked for.
 pub(super) const ALLOWANCE: f64 = 5.0;
 
 /// Shortest and longest time between two checkpoints when nothing is asked for [s].
@@ -73,7 +73,7 @@ impl Cadence {
         }
     }
 
-    /// What the next checkpoint is expected to take [s]; nothing is known before the first.
+    /// Returns the time that the next checkpoint is expected to take [s]; nothing is known before the first.
     pub(crate) fn cost(&self) -> f64 {
         self.costs.iter().copied().fold(0.0, f64::max)
     }

@@ -21,7 +21,8 @@ use serde_json::Value;
 /// Folder of the checkpoints inside that of a run.
 pub(crate) const FOLDER: &str = "checkpoints";
 
-/// What a run had taken when a checkpoint was written: it depends on the machine, so it stands beside the checkpoint.
+/// Account of the time and counts of a run when a checkpoint was written: it depends on the machine, so it stands
+/// beside the checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Account {
     /// Number of the attempt that wrote the checkpoint.
@@ -58,7 +59,7 @@ pub(crate) struct Saved {
     pub path: PathBuf,
     /// Its length [bytes].
     pub bytes: u64,
-    /// What it took, with the wait for the disk [s].
+    /// Time that it took, with the wait for the disk [s].
     pub seconds: f64,
     /// Hash of its content.
     pub content_hash: String,
@@ -69,18 +70,18 @@ pub(crate) struct Saved {
 pub(crate) struct Loaded {
     /// Its content.
     pub checkpoint: CheckpointReader,
-    /// What the run had taken; `None` when the file beside it is missing or belongs to another checkpoint.
+    /// Account of the run up to there; `None` when the file beside it is missing or belongs to another checkpoint.
     pub account: Option<Account>,
     /// The file.
     pub path: PathBuf,
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Debug, Default)]
 pub(crate) struct Search {
     /// The newest that can be used.
     pub found: Option<Loaded>,
-    /// Those that were newer and cannot, with the reason; they are left where they are.
+    /// Checkpoints that were newer and cannot be used, with the reason; they are left in their places.
     pub refused: Vec<IoError>,
 }
 
@@ -300,7 +301,7 @@ fn entry(path: PathBuf) -> Option<Entry> {
     (file_name(frame, sub_step) == name).then_some(Entry { frame, sub_step, path })
 }
 
-/// Where a file is written before it gets its name.
+/// Returns the path under which a file is written before it gets its name.
 fn part_path(path: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! What a shot depends on, in a form that can be kept and compared: the same shot may be continued, another may not.
+//! Dependencies of a shot, in a form that can be kept and compared: the same shot may be continued, another may not.
 //!
 //! [`Fingerprint::of`] holds one digest each of the scene, of the content of every input file, and of the versions.
 //! [`compare`] says in words what has changed since: changes that cannot alter a frame that is already there (the end
@@ -83,7 +83,7 @@ pub struct Versions<'a> {
     pub application: &'a str,
 }
 
-/// What a shot depends on.
+/// Dependencies of a shot.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// For comparing, also from a checkpoint.
@@ -98,7 +98,7 @@ fn is_gone(scene: &BTreeMap<String, String>, key: &str) -> bool {
     !scene.contains_key(key) && scene.keys().any(|other| other.starts_with(table))
 }
 
-/// What differs between two fingerprints, in words.
+/// Differences between two fingerprints, in words.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Changes {
     /// Changes with which a run goes on.
@@ -108,8 +108,8 @@ pub struct Changes {
 }
 
 impl Fingerprint {
-    /// Of a scene with all defaults (`resolved`), its input files and the program. The scene file itself may be among
-    /// the inputs: it is left out, because not every change of it matters.
+    /// Computes the fingerprint of a scene with all defaults (`resolved`), its input files and the program. The scene
+    /// file itself may be among the inputs: it is left out, because not every change of it matters.
     ///
     /// # Errors
     /// An input cannot be read.
@@ -152,14 +152,14 @@ impl Fingerprint {
         self
     }
 
-    /// What the scene says about the contents of caches.
+    /// Returns the values of the scene for the contents of caches.
     pub(crate) fn form_of_caches(&self) -> [Option<&str>; 2] {
         FORM.map(|key| self.scene.get(key).map(String::as_str))
     }
 }
 
-/// What has changed from `old` to `new`. Digests alone are enough to see that; the values of the scene, where both have
-/// them, say what.
+/// Finds the changes from `old` to `new`. Digests alone are enough to see that there are some; the values of the
+/// scene, where both have them, name them.
 pub fn compare(old: &Fingerprint, new: &Fingerprint) -> Changes {
     let mut changes = Changes::default();
     let value =
@@ -229,7 +229,8 @@ fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) -
     has_filled
 }
 
-/// What a key that a scene does not have is in it: its default, where the table is there that it would stand in.
+/// Returns the value of a key that a scene does not state: its default, where the table is there that it would stand
+/// in.
 fn unsaid(defaults: &Defaults, side: &Fingerprint, key: &str) -> Option<String> {
     let (table, _) = key.rsplit_once('.')?;
     has_table(defaults, &side.scene, table).then(|| defaults.of(key).map(|value| text(&value)))?

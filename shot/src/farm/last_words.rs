@@ -1,4 +1,5 @@
-//! What a run writes into its folder when the process ends at once, while its frame loop waits for something that never comes.
+//! Entries that a run writes into its folder when the process ends at once, while its frame loop waits for something
+//! that never comes.
 
 use std::path::Path;
 

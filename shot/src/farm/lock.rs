@@ -38,7 +38,7 @@ pub(crate) const DEAD_AFTER: Duration = Duration::from_secs(180);
 /// Room for a heartbeat to grow in digits: the file keeps its length, so that a reader never sees half of one.
 const SPARE: usize = 8;
 
-/// How often a starter looks again when the lock changes hands under its eyes.
+/// Cap on the looks of a starter while the lock changes hands under its eyes.
 const LOOKS: usize = 100;
 
 /// Time between two looks.
@@ -53,14 +53,14 @@ struct Record {
     heartbeat: u64,
 }
 
-/// Who holds a folder, as another process sees it.
+/// Holder of a folder, as another process sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
     /// The process; `None` when the file cannot be understood.
     pub owner: Option<Owner>,
     /// Time since its last heartbeat.
     pub silent_for: Duration,
-    /// How far its last heartbeat lies in the future: one of the clocks is wrong, or was set back.
+    /// Time by which its last heartbeat lies in the future: one of the clocks is wrong, or was set back.
     pub ahead: Duration,
     /// Whether it is still there.
     pub presence: Presence,
@@ -86,7 +86,7 @@ impl std::fmt::Display for Holder {
     }
 }
 
-/// Who holds the folder; `None` when nobody does. Reads only.
+/// Finds the holder of the folder; `None` when nobody holds it. Reads only.
 ///
 /// # Errors
 /// The lock is there and cannot be read.

@@ -9,7 +9,7 @@
 //! OUT/manifest.json      why a process ended at once                last_words.rs
 //! ```
 //!
-//! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
+//! Data that a resumed run is compared with: computed in `digest`, and kept in the manifest and in checkpoints.
 
 pub(crate) mod attempts;
 pub mod command_line;

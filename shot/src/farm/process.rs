@@ -1,4 +1,4 @@
-//! Which process of which machine: what a lock names its owner by, and whether that process is still there.
+//! Process of a machine: the identity by which a lock names its owner, and whether that process is still there.
 
 use std::fs;
 

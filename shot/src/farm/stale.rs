@@ -28,13 +28,13 @@ const ATTEMPT: &str = "attempt_";
 /// End of names of folders that are not whole: being made, or being removed.
 const UNFINISHED: &str = ".part";
 
-/// How many of the latest copies stay, beside the one with most frames.
+/// Number of the latest copies that stay, beside the one with most frames.
 const LATEST: usize = 2;
 
 /// Bytes of a block in which the system counts room.
 const BLOCK: u64 = 512;
 
-/// What is set aside in the folder of a run.
+/// Data set aside in the folder of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Stale {
     /// Number of attempts that have set something aside.
@@ -51,7 +51,7 @@ struct Copy {
     files: Vec<String>,
 }
 
-/// What is set aside in the folder `out` of a run; `None` when there is nothing.
+/// Measures the data set aside in the folder `out` of a run; `None` when there is nothing.
 pub fn look(out: &Path) -> Option<Stale> {
     let (folder, mut found) = (out.join(FOLDER), Stale::default());
     let mut waiting = vec![folder];
@@ -156,7 +156,7 @@ pub(crate) fn prune(out: &Path, now: &Fingerprint) -> Result<Vec<String>, IoErro
     Ok(removed)
 }
 
-/// What is said of copies that were removed.
+/// Describes the copies that were removed.
 pub(crate) fn removed_in_words(names: &[String]) -> String {
     if names.is_empty() {
         return String::new();

@@ -119,7 +119,7 @@ impl std::fmt::Display for Reason {
     }
 }
 
-/// What the frame loop is asked for.
+/// Request to the frame loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// Say how far the frame is, and go on.
@@ -161,7 +161,7 @@ impl Request {
     }
 }
 
-/// How much time a run needs for ending before its earliest deadline, and how much there is.
+/// Time that a run needs for ending before its earliest deadline, and the time that there is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Notice {
     /// Why it will stop.
@@ -190,12 +190,12 @@ struct State {
     files: Option<ControlFiles>,
     slowest_checkpoint: f64,
     frames: VecDeque<f64>,
-    /// How often the frame loop has asked, and whether the run has ended.
+    /// Number of times that the frame loop has asked, and whether the run has ended.
     polls: u64,
     ended: bool,
 }
 
-/// What a signal is among those that came.
+/// Place of a signal among the signals that came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalOrder {
     /// The first one.
@@ -222,7 +222,7 @@ impl fmt::Debug for State {
 struct Deadline {
     reason: Reason,
     at: SystemTime,
-    /// What there was of it when the run learnt of it.
+    /// Time that was left until then when the run learnt of it.
     span: Duration,
 }
 
@@ -254,8 +254,8 @@ impl StopRequests {
         }
     }
 
-    /// How often the frame loop has asked for requests so far: after every step that leaves a state free of collisions, and at
-    /// frames. `None` once the run has ended.
+    /// Returns the number of times that the frame loop has asked for requests so far: after every step that leaves a
+    /// state free of collisions, and at frames. `None` once the run has ended.
     pub fn polls(&self) -> Option<u64> {
         let state = self.state();
         (!state.ended).then_some(state.polls)
@@ -320,7 +320,7 @@ impl StopRequests {
         })
     }
 
-    /// What is asked for now. Signals come before deadlines, and those before files.
+    /// Returns the present request. Signals come before deadlines, and deadlines before files.
     pub fn poll(&self, now: SystemTime) -> Option<Request> {
         let mut state = self.state();
         state.polls += 1;

@@ -4,7 +4,7 @@ use drapery_core::scene::Mass;
 
 use super::{Facts, Finding};
 
-/// What fabrics weigh, with room on both sides [kg/m²]: silk gauze has 0.01 to 0.02, chain mail 10.
+/// Mass per area of fabrics, with room on both sides [kg/m²]: silk gauze has 0.01 to 0.02, chain mail 10.
 const FABRICS: std::ops::RangeInclusive<f64> = 0.005..=20.0;
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {

@@ -1,4 +1,4 @@
-//! What is looked for in a scene before it is simulated, rule by rule, and the warnings that come of it. The table of the rules
+//! Search of a scene before it is simulated, rule by rule, and the warnings that come of it. The table of the rules
 //! is [`drapery_io::rules`]; each has its file here.
 
 mod body_friction;
@@ -37,9 +37,9 @@ use crate::written_faces::OtherCut;
 pub struct Warning {
     /// The rule that it comes from, which a scene can silence; `None` for what no rule has.
     pub rule: Option<&'static str>,
-    /// What it is about, as in `body "hero"`; empty where the message says it.
+    /// Object that it is about, as in `body "hero"`; empty where the message says it.
     pub object: String,
-    /// What is found.
+    /// Description of the finding.
     pub message: String,
     /// The line to write in the scene; empty where the message says what to do.
     pub line: String,
@@ -68,7 +68,7 @@ impl fmt::Display for Warning {
     }
 }
 
-/// What a rule has found.
+/// Finding of a rule.
 #[derive(Debug, PartialEq, Eq)]
 struct Finding {
     object: String,
@@ -76,7 +76,7 @@ struct Finding {
     line: String,
 }
 
-/// What is known of a shot before its scene is handed out.
+/// Facts about a shot that are known before its scene is handed out.
 pub(crate) struct Facts<'a> {
     pub(crate) scene: &'a SceneDescription,
     pub(crate) inputs: &'a Inputs,
@@ -86,7 +86,7 @@ pub(crate) struct Facts<'a> {
     pub(crate) body_thickness: &'a [Option<BodyThickness>],
 }
 
-/// How a rule looks.
+/// Place at which a rule looks.
 enum Look {
     /// At what is known before the scene is handed out.
     Facts(fn(&Facts<'_>) -> Vec<Finding>),
@@ -98,7 +98,7 @@ enum Look {
     Bindings(fn(&[JudgedBinding]) -> Vec<Finding>),
 }
 
-/// How each rule looks, by its name.
+/// Place at which each rule looks, by the name of the rule.
 const LOOKS: [(&str, Look); RULES.len()] = [
     ("no_gravity", Look::Facts(no_gravity::find)),
     ("no_self_collision", Look::Facts(no_self_collision::find)),
@@ -163,7 +163,7 @@ fn of(silenced: &[String], find: impl Fn(&Look) -> Vec<Finding>) -> Vec<Warning>
 }
 
 impl Facts<'_> {
-    /// What the scene asks of an effect.
+    /// Finds the request of the scene for an effect.
     fn request(&self, effect: &str) -> Option<&EffectRequest> {
         self.scene.effects.iter().find(|request| request.effect == effect)
     }
@@ -173,7 +173,7 @@ impl Facts<'_> {
         self.request(effect).is_some() || self.scene.left_out.iter().any(|left_out| left_out == effect)
     }
 
-    /// What moves by files.
+    /// Returns the motions that come from files.
     fn motions(&self) -> impl Iterator<Item = &InputMotion> {
         self.inputs.bodies.iter().flatten().chain(&self.inputs.tracks)
     }

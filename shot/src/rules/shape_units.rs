@@ -12,7 +12,7 @@ use super::{Facts, Finding, bounds};
 /// Height of a person [m]: the size of a scene without files.
 const PERSON: f64 = 1.7;
 
-/// How many times the size of what the files hold a length has to be to look wrong.
+/// Least ratio of a length to the size of the contents of the files for the length to look wrong.
 const LARGE: f64 = 5.0;
 
 /// Gravity of the earth [m/s²], and how far from it a number in another unit may be, as a share.
@@ -55,7 +55,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     findings
 }
 
-/// What a length is compared with.
+/// Measure that a length is compared with.
 struct Suspect {
     /// The unit of the files.
     unit: LengthUnit,

@@ -1,4 +1,4 @@
-//! Where the cloth starts: what crosses there, and edges that are far from their length at rest.
+//! Rules about the start of the cloth: crossings there, and edges that are far from their length at rest.
 
 use drapery_core::simulation::{Simulation, StartCrossings, StartLengths};
 

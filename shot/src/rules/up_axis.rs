@@ -8,16 +8,17 @@ use drapery_io::units::UpAxis;
 
 use super::{Facts, Finding};
 
-/// How many times as high as along `up` a body has to be along the other axis.
+/// Least ratio of the height of a body along the other axis to its extent along `up`.
 const HIGHER: f64 = 2.0;
 
-/// How far from zero feet may be, as a share of that height.
+/// Largest distance of the feet from zero, as a share of that height.
 const FEET: f64 = 0.1;
 
-/// How far a body has to reach below zero and above along `up`, as a share of its extent there: what lies on the ground does not.
+/// Least reach of a body below zero and above along `up`, as a share of its extent there: a body that lies on the
+/// ground does not reach that far.
 const STRADDLES: f64 = 0.2;
 
-/// How much of gravity has to pull downwards: half of it is 60 degrees.
+/// Least share of gravity that has to pull downwards: half of it is 60 degrees.
 const DOWNWARDS: f64 = 0.5;
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {

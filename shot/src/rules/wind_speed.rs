@@ -17,7 +17,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     settings.into_iter().flatten().filter_map(|(key, value)| of_setting(key, value)).collect()
 }
 
-/// What is wrong with `velocity` or `keys`; other settings are no velocities.
+/// Finds faults of `velocity` or `keys`; other settings are no velocities.
 fn of_setting(key: &str, value: &SettingValue) -> Option<Finding> {
     let fastest = match value {
         SettingValue::Vector(velocity) => Vec3::from(*velocity).norm(),

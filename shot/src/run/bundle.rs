@@ -1,5 +1,5 @@
-//! What a run leaves behind when the solver gives up: the last good state, the cloth as it stood with the elements
-//! concerned, what went wrong, and how to see it happen again.
+//! Files that a run leaves behind when the solver gives up: the last good state, the cloth as it stood with the
+//! elements concerned, the error, and the way to see it happen again.
 //!
 //! `OUT/debug/frame_01043.step_000012.{json,toml,h5,abc}`: what went wrong; the scene with every value; a checkpoint;
 //! the garment concerned with the face set `concerned`. `drapery run --replay FILE.json` goes on from the checkpoint.
@@ -112,7 +112,7 @@ pub struct Bundle {
     pub scene: PathBuf,
     /// The checkpoint from which it goes on.
     pub checkpoint: PathBuf,
-    /// What went wrong.
+    /// Description of the error.
     pub error: String,
 }
 

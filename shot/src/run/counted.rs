@@ -1,4 +1,4 @@
-//! What frames that are done have counted, from the record: what an attempt that resumes, or finds nothing to do, says of
+//! Counts of frames that are done, from the record: an attempt that resumes, or finds nothing to do, reports them for
 //! the whole run.
 
 use drapery_io::checkpoint::Head;
@@ -13,7 +13,7 @@ use crate::run::totals::{self, Totals};
 use crate::run_record::RECORD;
 use crate::run_record::reader::{FrameRow, Record, in_words, recovery_line};
 
-/// What a run has to answer for.
+/// Results that a run has to answer for.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Counted {
     /// Counts that should have stayed zero, in the order in which they rose.
@@ -27,7 +27,8 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// Of the frames from `start` to `last`; `note` hears what was said of each of them when it was simulated.
+    /// Collects the counts of the frames from `start` to `last`; `note` hears the remarks made on each of them when
+    /// it was simulated.
     pub(super) fn of(record: &Record, [start, last]: [i64; 2], note: &mut dyn FnMut(String)) -> Self {
         let mut counted = Self { uncounted: record.uncounted(start, last), ..Self::default() };
         if !counted.uncounted.is_empty() {
@@ -60,12 +61,12 @@ impl Counted {
     }
 }
 
-/// What a run has done before this attempt.
+/// Work of a run before this attempt.
 #[derive(Default)]
 pub(super) struct SoFar {
-    /// What it took.
+    /// Totals of that work.
     pub(super) totals: Totals,
-    /// What it has to answer for.
+    /// Results that it has to answer for.
     pub(super) counted: Counted,
 }
 

@@ -83,7 +83,7 @@ impl Dump {
         }
     }
 
-    /// What was written, in a sentence.
+    /// Describes the written files in a sentence.
     pub(super) fn in_words(&self) -> String {
         let points: Vec<String> = self.tracepoints.iter().map(Tracepoint::to_string).collect();
         let (files, points, folder) = (self.written().files, points.join(", "), self.folder.display());

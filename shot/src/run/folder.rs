@@ -1,4 +1,4 @@
-//! What an earlier run has left in a folder, and how it makes room for another.
+//! Files that an earlier run has left in a folder, and the way it makes room for another run.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -29,7 +29,7 @@ use crate::shot::Shot;
 pub(super) struct Earlier {
     /// Its manifest.
     manifest: Value,
-    /// What it depended on; `None` when that is not known.
+    /// Fingerprint of its dependencies; `None` when it is not known.
     pub(super) fingerprint: Option<Fingerprint>,
     /// Its attempts.
     pub(super) attempts: Vec<AttemptRecord>,
@@ -85,7 +85,7 @@ impl Earlier {
         self.fingerprint.as_ref().is_some_and(|then| then.form_of_caches() != now.form_of_caches())
     }
 
-    /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.
+    /// Returns the origin of the positions in its caches [m]; the origin of the world in folders of older programs.
     pub(super) fn origin(&self) -> [f64; 3] {
         serde_json::from_value(self.manifest["origin"].clone()).unwrap_or_default()
     }

@@ -52,11 +52,11 @@ struct Run<'a> {
     clock: Instant,
     attempt: u32,
     totals: Totals,
-    /// What the frames so far have counted that should have stayed zero.
+    /// Counts of the frames so far that should have stayed zero.
     counted: Counted,
     /// Whether it begins at the first frame.
     is_new: bool,
-    /// Where the cloth after lines of the listings is written, if it is.
+    /// Writer of the cloth after lines of the listings, if it is written.
     dump: Option<Dump>,
     /// Objects of which it was said that they cross along other diagonals.
     reported_cuts: BTreeSet<(String, String, bool)>,
@@ -408,7 +408,7 @@ impl<'a> Run<'a> {
         Ok(stop)
     }
 
-    /// Where the solver has given up: a checkpoint to go on from once that is mended, and a bundle to replay.
+    /// Writes, after the solver has given up, a checkpoint to go on from once that is mended, and a bundle to replay.
     fn leave_bundle(&mut self, error: &ShotError, observer: &mut dyn Observer) {
         let ShotError::Step(error) = error else { return };
         if matches!(error, StepError::Input { .. }) {
@@ -427,7 +427,7 @@ impl<'a> Run<'a> {
         });
     }
 
-    /// What the present state is a checkpoint of.
+    /// Returns the head of a checkpoint of the present state.
     fn head(&self, caches: Vec<serde_json::Value>) -> Head {
         let simulation = self.shot.simulation();
         let (frame, timeline) = (simulation.frame(), self.shot.about.timeline);

@@ -1,4 +1,4 @@
-//! What is heard of a run while it goes on, and when it has ended.
+//! Reports of a run while it goes on, and when it has ended.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -24,11 +24,11 @@ pub struct FrameReport<'a> {
     pub total: u64,
     /// Seconds it took, reading and writing included.
     pub seconds: f64,
-    /// What the solver reports; `None` for the frame at which the simulation starts.
+    /// Report of the solver; `None` for the frame at which the simulation starts.
     pub summary: Option<&'a FrameSummary>,
 }
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// All frames are written.
@@ -39,10 +39,10 @@ pub enum Outcome {
     Stopped(Reason),
 }
 
-/// What a whole run took and wrote, in all its attempts.
+/// Time and output of a whole run, in all its attempts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunReport {
-    /// How it ended.
+    /// Outcome of the run.
     pub outcome: Outcome,
     /// The last frame that is done.
     pub frame: i64,
@@ -64,7 +64,7 @@ pub struct RunReport {
     pub ranks: usize,
 }
 
-/// Who hears of a run while it goes on.
+/// Receiver of the reports of a run while it goes on.
 pub trait Observer {
     /// The logs of this attempt are open: words, then JSON lines.
     fn logs(&mut self, _files: [File; 2]) {}
@@ -75,10 +75,10 @@ pub trait Observer {
     /// Something that whoever looks after the run should know.
     fn note(&mut self, text: String);
 
-    /// What has changed since an earlier attempt and is as it should be.
+    /// Receives a change since an earlier attempt that is as it should be.
     fn accepted(&mut self, _text: String) {}
 
-    /// What was dumped.
+    /// Receives the description of a dump.
     fn dumped(&mut self, _text: String) {}
 
     /// A frame takes long: it has so many collision-free states so far, and this share of its time is done.

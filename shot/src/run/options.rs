@@ -1,4 +1,4 @@
-//! How a run is made: what the command was asked for.
+//! Options of a run: the requests made to the command.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use drapery_io::checkpoint::Every;
 use crate::error::ShotError;
 use crate::farm::stop::StopRequests;
 
-/// Where a run begins.
+/// Point at which a run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resume {
     /// After the last good checkpoint of an earlier run in the folder, if there is one.
@@ -19,12 +19,12 @@ pub enum Resume {
     Frame(i64),
 }
 
-/// How a run is made.
+/// Options of a run.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// Folder of the output.
     pub out: PathBuf,
-    /// Where it begins.
+    /// Point at which it begins.
     pub resume: Resume,
     /// Whether a run that the folder holds is replaced.
     pub overwrite: bool,
@@ -34,13 +34,13 @@ pub struct RunOptions {
     pub steal_lock: bool,
     /// Number of threads of each rank, for the record; the caller has set up the pool.
     pub threads: usize,
-    /// How often checkpoints are written.
+    /// Interval at which checkpoints are written.
     pub checkpoint_every: Every,
-    /// How many of the last checkpoints are kept.
+    /// Number of the last checkpoints that are kept.
     pub keep: usize,
     /// Frames of which checkpoints are written and kept in any case.
     pub pinned: Vec<i64>,
-    /// Who may stop the run.
+    /// Sources of requests to stop the run.
     pub requests: StopRequests,
     /// The command line that continues it, for the manifest.
     pub command: String,

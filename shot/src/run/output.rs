@@ -34,7 +34,7 @@ use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
 use crate::written_faces::{OtherCut, WrittenFaces};
 
-/// What is being written.
+/// Output that is being written.
 pub(super) struct Output {
     folder: PathBuf,
     manifest: Manifest,
@@ -47,7 +47,7 @@ pub(super) struct Output {
     crossings: bool,
     /// Faces that others may cut otherwise, if there are any.
     faces: Option<WrittenFaces>,
-    /// What crosses if they do, in what was written since somebody asked.
+    /// Crossings that appear if they do, in the output written since somebody last asked.
     other_cuts: Vec<OtherCut>,
     /// Number of garments, which come before the render meshes.
     garments: usize,
@@ -76,21 +76,21 @@ struct Planned {
     resume: ResumeCache,
 }
 
-/// What goes into the folder of an attempt beside its scene.
+/// Data that goes into the folder of an attempt beside its scene.
 pub(super) struct Start<'a> {
-    /// How the run is made.
+    /// Options of the run.
     pub(super) options: &'a RunOptions,
-    /// What it depends on.
+    /// Fingerprint of its dependencies.
     pub(super) fingerprint: &'a Fingerprint,
     /// All attempts; the last one is this.
     pub(super) attempts: Vec<AttemptRecord>,
 }
 
-/// Where a run goes on.
+/// Point from which a run goes on.
 pub(super) struct From<'a> {
-    /// What the checkpoint says.
+    /// Head of the checkpoint.
     pub(super) head: &'a Head,
-    /// What the run had taken, if that is known.
+    /// Account of the run up to there, if that is known.
     pub(super) account: Option<&'a Account>,
     /// The checkpoint, relative to the folder.
     pub(super) checkpoint: ManifestCheckpoint,
@@ -263,7 +263,7 @@ impl Output {
         Ok(digests)
     }
 
-    /// What crosses along diagonals that the solver did not take, in what was written since this was asked last.
+    /// Takes the crossings along diagonals that the solver did not take, in the output written since the last call.
     pub(super) fn take_other_cuts(&mut self) -> Vec<OtherCut> {
         std::mem::take(&mut self.other_cuts)
     }
@@ -451,7 +451,7 @@ impl Output {
     }
 }
 
-/// How the manifest names a checkpoint.
+/// Returns the entry of a checkpoint in the manifest.
 pub(super) fn manifest_checkpoint(path: &Path, frame: i64, sub_step: u64) -> ManifestCheckpoint {
     ManifestCheckpoint { file: format!("{}/{}", store::FOLDER, file_name(path)), frame, sub_step }
 }

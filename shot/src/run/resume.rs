@@ -21,7 +21,7 @@ use crate::run_record::reader::Record;
 use crate::run_record::{FINGERPRINT, MANIFEST};
 use crate::shot::Shot;
 
-/// What has changed since the earlier run that may not change; what may is said with `note`.
+/// Finds forbidden changes since the earlier run; allowed changes are reported with `note`.
 pub(super) fn changes(
     earlier: &Earlier,
     folder: &Path,

@@ -24,9 +24,9 @@ const ALIKE: f64 = 1e-6;
 pub(super) struct NewForm<'a> {
     /// The file.
     pub(super) path: &'a Path,
-    /// What it will hold.
+    /// Contents that it will have.
     pub(super) plan: CachePlan<'a>,
-    /// How it is made, and gone on with.
+    /// Functions that create it and go on with it.
     pub(super) open: (CreateCache, ResumeCache),
 }
 
@@ -127,14 +127,14 @@ impl NewForm<'_> {
     }
 }
 
-/// Where the new form is written until it is whole; it keeps its extension.
+/// Returns the path at which the new form is written until it is whole; it keeps its extension.
 fn aside(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{stem}.rewritten.{extension}"))
 }
 
-/// What every frame counted in the record beside the caches.
+/// Reads the number of crossings of every frame from the record beside the caches.
 fn crossings_of(folder: &Path) -> BTreeMap<i64, u32> {
     let counts = frame_counts(&folder.join(RECORD), CROSSINGS_WRITTEN);
     counts.into_iter().map(|(frame, count)| (frame, u32::try_from(count).unwrap_or(u32::MAX))).collect()

@@ -1,5 +1,5 @@
-//! What a run has taken and counted so far, in all its attempts: kept beside every checkpoint, so that the table at the end
-//! speaks of the whole shot.
+//! Time and counts of a run so far, in all its attempts: kept beside every checkpoint, so that the table at the end
+//! covers the whole shot.
 
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
@@ -18,12 +18,12 @@ pub(super) struct Totals {
     pub(super) partial: Partial,
 }
 
-/// What was done since the last frame.
+/// Work since the last frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Partial {
-    /// What the solver did; `None` right after a frame.
+    /// Summary of the work of the solver; `None` right after a frame.
     pub(super) summary: Option<FrameSummary>,
-    /// What reading, simulating and writing took.
+    /// Time spent on reading, simulating and writing.
     pub(super) spent: Metrics,
     /// States free of collisions.
     pub(super) sub_step: u64,
@@ -70,7 +70,7 @@ impl Totals {
     }
 }
 
-/// What the frames of a record took and counted: what is known where the account beside a checkpoint is lost.
+/// Adds up time and counts of the frames of a record: the known part where the account beside a checkpoint is lost.
 pub(super) fn of_rows<'a>(rows: impl Iterator<Item = &'a FrameRow>, sub_step: u64) -> Totals {
     let mut totals = Totals { partial: Partial { sub_step, ..Partial::default() }, ..Totals::default() };
     for row in rows {

@@ -12,14 +12,14 @@ use super::manifest::{Manifest, named_in};
 use super::reader::Record;
 use super::{MANIFEST, RECORD};
 
-/// What a run folder tells.
+/// Contents of a run folder.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
-    /// What is there.
+    /// Inventory of the folder.
     pub manifest: Manifest,
-    /// What was measured.
+    /// Measurements of the run.
     pub record: Record,
 }
 

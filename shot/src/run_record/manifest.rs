@@ -13,9 +13,9 @@ use serde_json::Value;
 
 use super::MANIFEST;
 
-/// What a folder of output holds, for programs that pick it up.
+/// Contents of a folder of output, for programs that pick it up.
 ///
-/// What a folder of an older program does not say is empty.
+/// Fields that a folder of an older program does not state are empty.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Manifest {
@@ -42,7 +42,7 @@ pub struct Manifest {
     pub length_unit: String,
     /// Up axis of the caches.
     pub up_axis: String,
-    /// What the positions in the caches are counted from [m], Y up.
+    /// Origin of the positions in the caches [m], Y up.
     pub origin: [f64; 3],
     /// Caches.
     pub garments: Vec<ManifestGarment>,
@@ -94,10 +94,11 @@ pub struct AttemptRecord {
     pub last_frame: Option<i64>,
     /// Seconds that its frames took.
     pub seconds: f64,
-    /// How it ended: `done`, `failed`, or why it stopped; nothing while it runs, or when it was killed.
+    /// End of the attempt: `done`, `failed`, or the reason why it stopped; nothing while it runs, or when it was
+    /// killed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<String>,
-    /// What had changed, when it was told to go on all the same.
+    /// Changes in spite of which it was told to go on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<String>,
 }

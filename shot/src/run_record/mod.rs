@@ -1,5 +1,5 @@
-//! What a run leaves beside its caches: `manifest.json` (what is there, replaced as a whole after every frame) and
-//! `run.jsonl` (one line a frame with everything that was measured), written and read again.
+//! Files that a run leaves beside its caches: `manifest.json` (the inventory, replaced as a whole after every frame)
+//! and `run.jsonl` (one line a frame with everything that was measured), written and read again.
 
 pub mod folder;
 pub mod manifest;

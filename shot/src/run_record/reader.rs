@@ -31,7 +31,7 @@ pub struct Record {
     pub unreadable: usize,
 }
 
-/// What is known before the first frame.
+/// Facts that are known before the first frame.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct Header {
@@ -51,7 +51,7 @@ pub struct EffectRow {
     pub effect: String,
     /// Garment that it acts on; all of them when `None`.
     pub garment: Option<String>,
-    /// What in the scene asked for it.
+    /// Part of the scene that asked for it.
     pub because: String,
     /// Memory that it takes.
     pub bytes: u64,
@@ -91,7 +91,7 @@ pub struct FrameRow {
     pub counts: BTreeMap<String, u64>,
     /// Memory that the process occupied at the end of the frame.
     pub resident_bytes: Option<u64>,
-    /// What was done about steps that went wrong, as [`recovery_line`] reads it.
+    /// Recoveries from steps that went wrong, as [`recovery_line`] reads them.
     pub recoveries: Vec<Value>,
     /// Digests of what the caches hold of the frame, by garment; empty where none were recorded.
     pub digests: FrameDigests,
@@ -127,7 +127,7 @@ pub struct OverstretchedRow {
     pub bodies: Vec<String>,
 }
 
-/// How far a garment's edges are stretched at the end of a frame.
+/// Stretch of a garment's edges at the end of a frame.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct GarmentStrainsRow {
@@ -147,9 +147,9 @@ pub struct StageRow {
     pub stage: String,
     /// Seconds spent in it.
     pub seconds: f64,
-    /// How often it ran.
+    /// Number of times that it ran.
     pub calls: u64,
-    /// What the ranks spent in it, where there were several; `seconds` is then the mean.
+    /// Time that the ranks spent in it, where there were several; `seconds` is then the mean.
     pub over_ranks: Option<OverRanks>,
 }
 
@@ -168,11 +168,11 @@ pub struct OverRanks {
 pub struct Event {
     /// Last frame before it.
     pub frame: i64,
-    /// What happened.
+    /// Kind of the event.
     pub kind: EventKind,
 }
 
-/// What can happen between two frames.
+/// Event that can happen between two frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EventKind {
     /// The state was written to the disk.
@@ -337,7 +337,8 @@ pub fn median(values: &[f64]) -> Option<f64> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// What is said of a frame in which steps went wrong; nothing where none did. Whether a mark of it is left in the result is said, too.
+/// Describes a frame in which steps went wrong; returns nothing where none did. Whether a mark of it is left in the
+/// result is said, too.
 pub(crate) fn recovery_line(row: &FrameRow) -> Option<String> {
     let first = row.recoveries.first()?;
     let word = |key: &str| first[key].as_str().unwrap_or_default();

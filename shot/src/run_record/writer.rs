@@ -25,7 +25,7 @@ const SAMPLE: &str = "sample";
 pub(crate) struct RunRecord {
     path: PathBuf,
     file: File,
-    /// What was written or found [bytes].
+    /// Length that was written or found [bytes].
     written: u64,
 }
 
@@ -119,7 +119,7 @@ impl RunRecord {
     }
 }
 
-/// How a run ends that fails.
+/// Returns the end record of a run that fails.
 pub(crate) fn failure_record(error: &str) -> Value {
     json!({"record": "end", "state": "failed", "error": error})
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Most memory that reading one input may take [bytes]; inputs are shorter than a thousandth of it.
 pub const LIMIT: usize = 128 << 20;
 
-/// What a refusal is known by.
+/// Text that identifies a refusal.
 pub const REFUSAL: &str = "MB are in use";
 
 /// Memory that is in use [bytes].

@@ -15,13 +15,13 @@ const WIDE: (f64, f64) = (1160.0, 380.0);
 /// Size of the others.
 const NARROW: (f64, f64) = (1160.0, 320.0);
 
-/// How far the triangle of a slope stands below its line.
+/// Position of the triangle of a slope below its line, as a factor on the error of the line.
 const BELOW_LINE: f64 = 0.85;
 
 /// Distances below this are rounding and only stretch the axis [m].
 const ROUNDING: f64 = 1e-12;
 
-/// What the letters of stages mean.
+/// Meaning of the letters of stages.
 const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Stages are numbered as in the paper (Selle \
                           et al. 2009): the neighbour search (A), the velocity solves (B.1, B.5), self-repulsion (B.2, \
                           B.8), collision and friction with bodies (B.4, B.7), self-collision (C).";
@@ -155,7 +155,7 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
     section("Error over time step", &card("", note, &legend, &plot.finish("error over time step")))
 }
 
-/// Where the time of each setting goes.
+/// Draws the time of each setting by stage.
 pub(super) fn stages(study: &Study, analysis: &Analysis<'_>) -> String {
     let all = study.samples.iter().filter(|sample| sample.is_own() && sample.is_whole());
     let named =

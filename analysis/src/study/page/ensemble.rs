@@ -1,4 +1,4 @@
-//! What can be compared where trajectories cannot: how the cloth is, over copies and over time.
+//! Quantities that can be compared where trajectories cannot: properties of the cloth, over copies and over time.
 
 use crate::page::table::{self, Cell, number, words};
 use crate::page::text::{self, escape};

@@ -61,7 +61,7 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
     header + "</header>\n"
 }
 
-/// What whoever believes the numbers has to know first.
+/// Lists the warnings that a reader has to know before believing the numbers.
 fn warnings(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
     let mut warnings = Vec::new();
     if study.reference().is_none() {

@@ -87,7 +87,7 @@ fn processor_seconds(sample: &Sample) -> f64 {
     sample.cost.processor_seconds / sample.cost.frames.max(1) as f64
 }
 
-/// What else was measured of every setting, and of the reference.
+/// Returns a table of the further measurements of every setting, and of the reference.
 fn more(study: &Study, analysis: &Analysis<'_>) -> String {
     let line = |row: &Row<'_>| -> Vec<Cell> {
         let (valid_error, cost) = (valid_error(row), &row.sample.cost);
@@ -131,7 +131,7 @@ fn more(study: &Study, analysis: &Analysis<'_>) -> String {
     )
 }
 
-/// What has to hold of a study whatever the scene.
+/// Returns a table of the conditions that have to hold for a study whatever the scene.
 pub(super) fn checked(study: &Study, analysis: &Analysis<'_>) -> String {
     let line = |check: &Check| -> Vec<Cell> {
         let answer = match check.verdict {
@@ -146,7 +146,7 @@ pub(super) fn checked(study: &Study, analysis: &Analysis<'_>) -> String {
     section("Validity checks", "", &[words("what should hold"), words("does it"), words("")], &lines)
 }
 
-/// What other models and left-out effects take and change.
+/// Returns a table of the cost of other models and left-out effects, and of the changes that they make.
 pub(super) fn changes(study: &Study) -> String {
     let base = study.base().map(processor_seconds).filter(|seconds| *seconds > 0.0);
     let own = study.samples.iter().filter(|sample| sample.is_own() && sample.is_whole());
@@ -282,7 +282,7 @@ pub(super) fn left_out(study: &Study) -> String {
     section("Runs that failed or are missing", "", &[words("run"), words("why")], &lines)
 }
 
-/// Where it all comes from.
+/// Returns a table of the provenance of the study.
 pub(super) fn provenance(study: &Study, analysis: &Analysis<'_>) -> String {
     let (scene, machine) = (&study.scene, &study.machine);
     let settings: Vec<String> = scene.settings.iter().map(|(name, value)| format!("{name}={value}")).collect();

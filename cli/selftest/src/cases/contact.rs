@@ -61,7 +61,8 @@ pub(super) const H23: Case = Case {
     },
 };
 
-/// How far a patch slides in `seconds` down a plane of this slope [rad] from `speed` [m/s], over what Coulomb says.
+/// Returns the distance [m] that a patch slides in half a second down a plane of this slope [rad] from `speed` [m/s],
+/// and the distance by Coulomb's law [m].
 fn slide(bench: &mut Bench<'_>, friction: f64, slope: f64, speed: f64) -> Result<(f64, f64), String> {
     let turn = nalgebra::UnitQuaternion::from_axis_angle(&Vec3::z_axis(), -slope);
     let mut mesh = sheet(4, 4, 0.03);

@@ -23,7 +23,7 @@ const UNEVENNESS: f64 = 2e-4;
 /// Numbers of folds that the unevenness has: the rim of the coarsest specimen has 61 vertices.
 const FOLDS: Range<u32> = 2..21;
 
-/// How far vertices are moved off their regular places along a ring and across it, as a share of an edge.
+/// Largest displacement of vertices off their regular places along a ring and across it, as a share of an edge.
 const IRREGULARITY: f64 = 0.1;
 
 /// Numbers between 0 and 1 drawn by a seed.

@@ -1,6 +1,6 @@
 //! The angle of a direction in the plane, without branches and tables, so that loops compute several at once.
 //!
-//! That of the standard library asks the system's, which is another function on another processor.
+//! The standard library's arctangent calls the system's, which is another function on another processor.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 

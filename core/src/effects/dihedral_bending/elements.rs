@@ -1,8 +1,9 @@
-//! How the angles of a mesh share its bending energy.
+//! Distribution of the bending energy of a mesh over its angles.
 //!
-//! Where the cloth has the curvature tensor κ in the plane of a triangle, the angle at an edge is, for small angles, the jump
-//! of the slope across the edge of the function ½ r·κ·r, interpolated between the vertices. With t along the edge, n across it,
-//! the opposite vertices at the distances h₁, h₂ and at the places a₁, a₂ along the edge of length L:
+//! The angle at an edge, where the cloth has the curvature tensor κ in the plane of a triangle, is for small angles
+//! the jump of the slope across the edge of the function ½ r·κ·r, interpolated between the vertices. With t along the
+//! edge, n across it, the opposite vertices at the distances h₁, h₂ and at the places a₁, a₂ along the edge of length
+//! L:
 //!
 //! `θ = ½ κ_nn (h₁ + h₂) + κ_tn (a₁ − a₂) + ½ κ_tt (a₁ (a₁ − L)/h₁ + a₂ (a₂ − L)/h₂)`
 //!
@@ -58,13 +59,14 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// Of the first opposite vertex, the two of the edge, and the other opposite one.
+    /// Returns the shape at the positions of the first opposite vertex, the two of the edge, and the other opposite
+    /// one.
     #[inline(always)]
     pub(super) fn at([i, j, k, l]: [Vec3; 4]) -> Self {
         Self::of(k - j, [i - k, l - k])
     }
 
-    /// Of the edge and what leads from its end to the opposite vertices [m].
+    /// Returns the shape with this edge and these vectors from its end to the opposite vertices [m].
     #[inline(always)]
     pub(super) fn of(edge: Vec3, opposite: [Vec3; 2]) -> Self {
         let normals = [edge.cross(&opposite[0]), opposite[1].cross(&edge)];

@@ -28,13 +28,14 @@ const OTHERS: usize = 4;
 /// Hinges inside a part that follow each other without a vertex in common.
 const APART: usize = 3;
 
-/// How far is looked ahead for one.
+/// Number of waiting hinges that are searched for one without a vertex in common.
 const AHEAD: usize = 64;
 
 const _: () = assert!(PART_SIZE <= u16::MAX as usize, "hinges number the vertices of a part by u16");
 
-/// How the angle of a hinge changes with its vertices [rad/m]: `u₁` at the first opposite vertex, `u₂` at the second,
-/// `p u₁ + q u₂` and `−(1 + p) u₁ − (1 + q) u₂` at the ends of the edge, as in Bridson, Marino and Fedkiw 2003.
+/// Derivative of the angle of a hinge by the positions of its vertices [rad/m]: `u₁` at the first opposite vertex,
+/// `u₂` at the second, `p u₁ + q u₂` and `−(1 + p) u₁ − (1 + q) u₂` at the ends of the edge, as in Bridson, Marino
+/// and Fedkiw 2003.
 ///
 /// Kept as (u₁, p) and (u₂, q).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -83,8 +84,8 @@ impl Gradient {
     }
 }
 
-/// By how much a hinge is off its angle at rest [rad], and its gradient as numbers; nothing where a triangle is not higher than
-/// it has to be at least [m].
+/// Returns the difference of the angle of a hinge from its angle at rest [rad], and its gradient as numbers; both are
+/// zero where a triangle is not higher than its least height [m].
 #[inline(always)]
 fn bent(shape: &Shape, rest_angle: f64, least_heights: [f64; 2]) -> (f64, [f64; 8]) {
     let squared_length = shape.length * shape.length;
@@ -104,7 +105,7 @@ struct Bends {
     opposite: [[Span; 3]; 2],
     rest_angles: Span,
     least_heights: [Span; 2],
-    /// By how much angles are off those at rest [rad].
+    /// Differences of the angles from the angles at rest [rad].
     off: Span,
     /// The numbers of gradients.
     gradients: [Span; 8],
@@ -139,12 +140,12 @@ impl Bends {
     }
 }
 
-/// What holds for each hinge of a garment beside its moments.
+/// Laws of each hinge of a garment beside its moments.
 #[derive(Debug)]
 pub(super) struct Laws {
     /// Damping of each angle as a fraction of critical.
     pub(super) damping_ratios: Vec<f64>,
-    /// How sharp folds of each stay, if they do.
+    /// Parameters by which sharp folds of each stay, if they do.
     pub(super) yields: Option<Vec<Yield>>,
 }
 
@@ -159,25 +160,25 @@ struct Hinge {
 }
 
 impl Hinge {
-    /// By how much it is off its angle at rest [rad].
+    /// Returns the difference of its angle from the angle at rest [rad].
     fn off(&self, x: &[Vec3]) -> f64 {
         bent(&Shape::at(self.vertices.map(|v| x[v as usize])), self.rest_angle, self.least_heights).0
     }
 }
 
-/// What the moment of a hinge is made of.
+/// Coefficients of the moment of a hinge.
 #[derive(Debug)]
 struct Moments {
     /// Moment per own angle [N·m per rad].
     own: f64,
     /// Moment per angle of others.
     of_others: [f64; OTHERS],
-    /// Which these are in the part; itself where there are fewer.
+    /// Places of the others in the part; the hinge's own place where there are fewer.
     others: [u32; OTHERS],
 }
 
 impl Moments {
-    /// Of the element `place` of a part, which knows the places of others by their numbers.
+    /// Returns the coefficients of the element `place` of a part, which knows the places of others by their numbers.
     fn new(element: &Element, place: u32, place_of: impl Fn(u32) -> u32) -> Self {
         let [(_, own), others @ ..] = &element.row[..] else { unreachable!("a row begins with the element itself") };
         assert!(others.len() <= OTHERS, "the two triangles of a hinge have four other edges");
@@ -201,7 +202,7 @@ impl Moments {
     }
 }
 
-/// Where a hinge that can yield began, and what it has come to.
+/// Initial and present state of a hinge that can yield.
 #[derive(Debug, Clone, Copy)]
 struct Fold {
     /// Rest angle of the rest shape [rad].
@@ -224,7 +225,7 @@ struct PartHinges {
     hinges: Vec<Hinge>,
     /// Vertices of those inside, counted from the part's first.
     inside: Vec<[u16; 4]>,
-    /// Of each hinge of the part.
+    /// Coefficients of the moment of each hinge of the part.
     moments: Vec<Moments>,
     /// Damping of the angle of each hinge of the part [N·m·s].
     damping: Vec<f64>,

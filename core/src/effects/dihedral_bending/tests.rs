@@ -67,7 +67,7 @@ fn with_view<R>(scene: &Scene, part: usize, x: &[Vec3], work: impl FnOnce(&PartV
     work(&PartView { start: range.start, masses: &scene.masses()[range], x, fraction: 0.0, context })
 }
 
-/// What `work` on each force adds to the vertices of its part.
+/// Returns the sums that `work` on each force adds to the vertices of its part.
 fn sums(scene: &Scene, forces: &mut [PartForce], work: impl Fn(usize, &mut dyn Force, &mut [Simd4])) -> Vec<Vec3> {
     let mut sums = vec![Vec3::zeros(); scene.masses().len()];
     for (part, force) in forces {

@@ -75,7 +75,7 @@ impl Law {
         stiffened.fold(self.moduli.energy(strain), |energy, more| energy + more)
     }
 
-    /// What the curves add to the slopes of stress by strain along warp and weft [N/m].
+    /// Returns the increase of the slopes of stress by strain along warp and weft by the curves [N/m].
     fn rises(&self, strain: [f64; 3]) -> [f64; 2] {
         [0, 1].map(|axis| self.curves[axis].as_ref().map_or(0.0, |(modulus, curve)| modulus * curve.rise(strain[axis])))
     }
@@ -127,10 +127,10 @@ fn root(moduli: &Moduli) -> Matrix3<f64> {
     Matrix3::new(first, 0.0, 0.0, across, second, 0.0, 0.0, 0.0, moduli.shear.sqrt())
 }
 
-/// How a deformed triangle lies: all that rates of strain and forces need.
+/// Orientation of a deformed triangle: all that rates of strain and forces need.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Frame {
-    /// Where warp and weft of the triangle at rest have been turned to.
+    /// Directions to which warp and weft of the triangle at rest have been turned.
     axes: [Simd4; 2],
     /// Shear, and difference between the stretches, both by the sum of the stretches: what a turn within the triangle's plane
     /// does to the strain.
@@ -140,8 +140,8 @@ pub(super) struct Frame {
 impl Frame {
     /// The frame and the strain of a triangle with edges `u` from corner 0 to the others [m].
     ///
-    /// Of a triangle that has collapsed to a line only the direction of the line is known, and it pushes along it alone; one
-    /// that has collapsed to a point has no direction at all and does not push.
+    /// A triangle that has collapsed to a line has a known direction only along the line, and pushes along it alone;
+    /// one that has collapsed to a point has no direction at all and does not push.
     pub(super) fn of([a, b]: &Gradients, u: [Vec3; 2]) -> (Self, [f64; 3]) {
         let f = [u[0] * a[0] + u[1] * b[0], u[0] * a[1] + u[1] * b[1]];
         let (xx, xy, yy) = (f[0].norm_squared(), f[0].dot(&f[1]), f[1].norm_squared());
@@ -172,8 +172,8 @@ impl Frame {
         [along.dot(f[0]) - bent, across.dot(f[1]) + bent, sides[0] + sides[1] + self.turn[1] * turn]
     }
 
-    /// What stresses, as forces by the corners' strain [N m], do to corners 1 and 2 [N]: the transpose of
-    /// [`rates`](Self::rates). Corner 0 gets minus their sum.
+    /// Returns the forces on corners 1 and 2 [N] by stresses, as forces by the corners' strain [N m]: the transpose
+    /// of [`rates`](Self::rates). Corner 0 gets minus their sum.
     pub(super) fn forces(&self, gradients: &Gradients, [warp, weft, shear]: [f64; 3]) -> [Simd4; 2] {
         let turn = self.turn[0] * (weft - warp) + self.turn[1] * shear;
         let [along, across] = self.axes;
@@ -182,7 +182,7 @@ impl Frame {
     }
 }
 
-/// What a strained triangle resists moves of its corners with, by area: the blocks of a stiffness matrix.
+/// Resistance of a strained triangle to displacements of its corners, by area: the blocks of a stiffness matrix.
 pub(super) struct Blocks {
     /// Strain by the displacement of each corner [1/m]: a column for each axis.
     strains: [Matrix3<f64>; 3],
@@ -190,7 +190,7 @@ pub(super) struct Blocks {
     normal: Vec3,
     /// Resistance of each pair of corners to displacements across the triangle [N/m³]: (0, 1), (0, 2), (1, 2).
     across: [f64; 3],
-    /// What stiffening adds to the moduli along warp and weft [N/m].
+    /// Increase of the moduli along warp and weft by stiffening [N/m].
     rises: [f64; 2],
 }
 

@@ -70,7 +70,8 @@ fn edges(triangle: &Triangle, x: &[Vec3]) -> [Vec3; 2] {
     [b - a, c - a]
 }
 
-/// What forces on corners 1 and 2 leave on all three: corner 0 gets the opposite of their sum.
+/// Returns the forces on all three corners, given the forces on corners 1 and 2: corner 0 gets the opposite of their
+/// sum.
 fn balanced([b, c]: [Simd4; 2]) -> [Simd4; 3] {
     [Simd4::ZERO - b - c, b, c]
 }

@@ -63,7 +63,7 @@ struct PartSprings {
     scaled_damping: Vec<f64>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
-    /// How all of them stiffen as they are pulled, by their stiffness at rest; `None` where they do not.
+    /// Curve by which all of them stiffen in tension, by their stiffness at rest; `None` where they do not.
     curve: Option<TensileCurve>,
     /// The smallest rest length that counts for rates of strain [m]: softened springs count as the shortest of the others.
     shortest: f64,
@@ -317,7 +317,7 @@ struct SpanBlocks {
     rest_length: [f64; SPAN],
     damping: [f64; SPAN],
     length: [f64; SPAN],
-    /// What the blocks have along the springs and across them.
+    /// Components of the blocks along the springs and across them.
     along: [f64; SPAN],
     across: [f64; SPAN],
 }

@@ -79,7 +79,7 @@ impl PartEdges {
         self.edges[edge].impulse
     }
 
-    /// Where the impulse of an edge is heading.
+    /// Returns the extrapolated impulse of an edge.
     pub(super) fn ahead(&self, edge: usize) -> f64 {
         self.edges[edge].ahead
     }
@@ -145,7 +145,7 @@ impl PartEdges {
         worst
     }
 
-    /// How many edges are beyond the limit after a step with these velocities.
+    /// Returns the number of edges beyond the limit after a step with these velocities.
     pub(super) fn over_limit(&self, x: &[Vec3], v: &[Vec3], dt: f64) -> u64 {
         let is_over = |edge: &LimitedEdge| {
             let [i, j] = edge.ends.map(|end| end as usize);

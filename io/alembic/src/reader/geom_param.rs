@@ -38,12 +38,12 @@ impl GeomParam {
         &self.name
     }
 
-    /// What one value belongs to.
+    /// Returns the part of the object that one value belongs to.
     pub fn scope(&self) -> Scope {
         Scope::from_name(self.metadata.get("geoScope").unwrap_or_default())
     }
 
-    /// What the numbers mean; a text as in [`crate::Interpretation::name`].
+    /// Returns the meaning of the numbers; a text as in [`crate::Interpretation::name`].
     pub fn interpretation(&self) -> &str {
         self.metadata.get("interpretation").unwrap_or_default()
     }
@@ -78,7 +78,8 @@ impl GeomParam {
         &self.values
     }
 
-    /// What a writer needs to make the same parameter with the sampling `time_sampling` of its archive.
+    /// Returns the specification that a writer needs to make the same parameter with the sampling `time_sampling` of
+    /// its archive.
     pub fn spec(&self, time_sampling: u32) -> GeomParamSpec<'_> {
         GeomParamSpec {
             name: &self.name,

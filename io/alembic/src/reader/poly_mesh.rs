@@ -11,7 +11,7 @@ use crate::error::AlembicError;
 use crate::geom::{Bounds, Matrix, transform_point};
 use crate::time_sampling::TimeSampling;
 
-/// How the samples of a mesh differ.
+/// Difference between the samples of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TopologyVariance {
     /// Neither positions nor faces change.
@@ -110,7 +110,7 @@ impl PolyMesh {
         (0..self.sample_count()).map(|index| self.time(index)).collect()
     }
 
-    /// How the samples differ.
+    /// Returns the difference between the samples.
     pub fn topology_variance(&self) -> TopologyVariance {
         if !self.face_indices.is_constant() || !self.face_counts.is_constant() {
             TopologyVariance::Heterogeneous

@@ -34,7 +34,7 @@ pub struct Property {
     kind: PropertyKind,
 }
 
-/// What a property holds.
+/// Content of a property.
 #[derive(Debug, Clone)]
 pub enum PropertyKind {
     /// Further properties.
@@ -165,7 +165,7 @@ impl Property {
         &self.metadata
     }
 
-    /// What it holds.
+    /// Returns the content of the property.
     pub fn kind(&self) -> &PropertyKind {
         &self.kind
     }

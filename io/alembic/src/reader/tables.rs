@@ -10,7 +10,7 @@ const HASHES: usize = 32;
 /// Oldest library version whose files look like this.
 const OLDEST_LIBRARY: i32 = 9999;
 
-/// What an archive says before any object.
+/// Data that an archive states before any object.
 #[derive(Debug)]
 pub(crate) struct Tables {
     pub(crate) library_version: i32,

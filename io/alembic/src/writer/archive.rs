@@ -30,7 +30,7 @@ pub struct ArchiveOptions {
     pub extra: MetaData,
 }
 
-/// How far a commit goes before it returns.
+/// Durability that a commit reaches before it returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Durability {
     /// Handed to the operating system: survives the end of this process, not a power cut.
@@ -57,7 +57,7 @@ const MOST_NESTED: usize = 100;
 pub struct ArchiveWriter {
     pub(super) path: PathBuf,
     pub(super) file: File,
-    /// Where the next chunk goes.
+    /// Position of the next chunk.
     pub(super) end: u64,
     pub(super) metadata: String,
     pub(super) samplings: Vec<TimeSampling>,

@@ -7,16 +7,16 @@ use crate::geom::{Interpretation, Scope};
 use crate::metadata::MetaData;
 use crate::property::{DataType, PodType, PodValue};
 
-/// What a geometry parameter is.
+/// Specification of a geometry parameter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GeomParamSpec<'a> {
     /// Name of the property, such as `uv` or `temperature`.
     pub name: &'a str,
-    /// What one value belongs to.
+    /// Part of the object that one value belongs to.
     pub scope: Scope,
     /// Type of one value, such as 2 × `F32`.
     pub data_type: DataType,
-    /// What the numbers mean; a text as in [`Interpretation::name`].
+    /// Meaning of the numbers; a text as in [`Interpretation::name`].
     pub interpretation: &'a str,
     /// Name of a UV set, when it has one.
     pub source_name: Option<&'a str>,

@@ -1,9 +1,9 @@
-//! What is remembered of a commit, to go on after it.
+//! Record of a commit, kept to go on after it.
 
 /// A commit of an archive: enough to return to it, whatever was written after it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ArchiveMark {
-    /// Where the root group stands [bytes from the start of the file].
+    /// Position of the root group [bytes from the start of the file].
     pub root: u64,
     /// First byte behind the commit.
     pub end: u64,

@@ -29,7 +29,7 @@ pub struct Indexed<'a, const N: usize> {
     pub values: &'a [[f32; N]],
     /// Value used at each place of the scope; none when `values` are those already.
     pub indices: Option<&'a [u32]>,
-    /// What one place is.
+    /// Kind of place that takes one value.
     pub scope: Scope,
     /// Name of a UV set; used by the first sample only.
     pub source_name: Option<&'a str>,
@@ -309,7 +309,7 @@ impl PolyMeshWriter {
 }
 
 impl<const N: usize> Indexed<'_, N> {
-    /// What is wrong with these values where the scope has so many places.
+    /// Returns the fault in these values where the scope has `places` places, if there is one.
     fn problem(&self, name: &str, places: usize) -> Option<String> {
         let given = self.indices.map_or(self.values.len(), <[u32]>::len);
         if given != places {
@@ -322,7 +322,7 @@ impl<const N: usize> Indexed<'_, N> {
     }
 }
 
-/// What is wrong with the faces of a mesh of so many vertices.
+/// Returns the fault in the faces of a mesh of `vertices` vertices, if there is one.
 fn topology_problem(topology: &Topology<'_>, vertices: usize) -> Option<String> {
     let mut corners = 0_usize;
     for (face, &count) in topology.face_counts.iter().enumerate() {

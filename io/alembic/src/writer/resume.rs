@@ -34,7 +34,7 @@ impl ArchiveWriter {
     /// file, and may have mapped it into memory, look at what is to be overwritten: the archive then goes on in a copy
     /// of its first `mark.end` bytes, begun as `path` with `.part` behind and renamed to `path` when it is complete and
     /// on the disk. They keep the file that they have. Behind the last commit nobody looks; it is overwritten in place.
-    /// What a process that was killed left of such a copy is removed.
+    /// Remains of such a copy that a killed process left are removed.
     ///
     /// It costs reading the tables, 24 bytes of every stored sample, the last sample of every property, and the copy.
     ///

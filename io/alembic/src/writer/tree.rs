@@ -1,4 +1,4 @@
-//! What the writer keeps in memory: objects, compounds, properties and the slots of their stored samples.
+//! Data that the writer keeps in memory: objects, compounds, properties and the slots of their stored samples.
 
 use crate::murmur::murmur3_x64_128;
 use crate::packed::PackedSamples;

@@ -25,13 +25,13 @@ const BLOCK: u64 = 1 << 20;
 /// A checkpoint whose content was checked; its arrays are read when they are asked for.
 #[derive(Debug)]
 pub struct CheckpointReader {
-    /// What it is of.
+    /// Shot and moment that it belongs to.
     pub head: Head,
     path: PathBuf,
     file: File,
     content_hash: String,
     outline: Vec<SectionOutline>,
-    /// Where each array lies in the file [bytes], by section and name.
+    /// Offset of each array in the file [bytes], by section and name.
     places: BTreeMap<(String, String), u64>,
 }
 

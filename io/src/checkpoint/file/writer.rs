@@ -63,7 +63,7 @@ struct OpenSection {
 #[derive(Debug)]
 struct OpenArray {
     name: String,
-    /// Where its next byte goes.
+    /// Offset of its next byte in the file.
     next: u64,
     /// Bytes that are missing.
     left: u64,

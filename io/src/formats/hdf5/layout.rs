@@ -95,7 +95,7 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
 /// The layout of a stored file that was made with this plan, or with this plan and another last frame.
 ///
 /// # Errors
-/// What is wrong with the file: it cannot be read, or was made with another plan.
+/// Fault of the file: it cannot be read, or was made with another plan.
 pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> Result<Layout, String> {
     compared(path, plan, data).map_err(|source| format!("the file is damaged: {source}"))?
 }

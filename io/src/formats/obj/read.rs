@@ -26,7 +26,7 @@ pub(super) struct ObjMesh {
 /// Index that stands for "this corner has no texture coordinate".
 const NO_UV: u32 = u32::MAX;
 
-/// What is collected while reading.
+/// Content that is collected while reading.
 #[derive(Default)]
 struct Parsed {
     points: Vec<Vec3>,
@@ -154,7 +154,7 @@ impl Place<'_> {
     }
 }
 
-/// What a line says.
+/// Content of a line.
 enum Line<'a> {
     Point(Vec3),
     Uv([f32; 2]),
@@ -207,12 +207,12 @@ fn parse(text: impl BufRead, path: &Path) -> Result<MeshData, IoError> {
     Ok(parsed.finish())
 }
 
-/// What has to be known of the lines before one.
+/// State from the preceding lines that is needed to read a line.
 #[derive(Default)]
 struct Scanner {
     points: usize,
     uvs: usize,
-    /// Of the face being read.
+    /// Point of each corner of the face being read.
     face_points: Vec<u32>,
     face_uvs: Vec<u32>,
 }

@@ -6,7 +6,7 @@ use drapery_usd::write::{FaceSubset, Primvar, Subdivision, Values};
 use super::read::TOKEN;
 use crate::mesh_data::{BoundMaterial, FaceSet, MeshParam, PodType, Scope, reverse};
 
-/// How renderers take the faces; as they are where nobody says.
+/// Returns the subdivision that renderers apply to the faces; none where nobody states it.
 pub(super) fn subdivision(word: Option<&str>) -> Subdivision {
     match word {
         Some("catmullClark") => Subdivision::CatmullClark,
@@ -65,7 +65,7 @@ fn interpolation(scope: Scope) -> Interpolation {
     }
 }
 
-/// What numbers mean, from Alembic's words.
+/// Returns the role of numbers, from Alembic's words.
 fn role(interpretation: &str, extent: usize) -> &'static str {
     match (interpretation, extent) {
         ("point", 3) => "point",

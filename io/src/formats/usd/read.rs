@@ -23,7 +23,7 @@ use crate::units::{StatedUnits, UpAxis};
 /// A code this close to a stored one, in sample steps, is that sample: 1001/24 s times 24 is not 1001.
 const SAME_SAMPLE: f64 = 1e-3;
 
-/// How texts that are words of USD are told from others.
+/// Interpretation of texts that are words of USD, to tell them from others.
 pub(super) const TOKEN: &str = "token";
 
 /// Name of the UV set that is taken before others.
@@ -199,7 +199,7 @@ pub(super) fn left_out(object: &str, name: &str) -> String {
     format!("{object}: {name} is left out: it is not copied to the cache")
 }
 
-/// What a stage says about its units.
+/// Returns the units that a stage states.
 ///
 /// # Errors
 /// Its up axis is none.

@@ -54,13 +54,13 @@ pub(super) struct UsdWriter {
     crossings: bool,
     stage: Stage,
     mark: CacheMark,
-    /// What is written but may not be on the disk.
+    /// Paths that are written but may not be on the disk.
     unsynced: Vec<PathBuf>,
     /// Lengths of all files that the cache is made of [bytes].
     lengths: BTreeMap<PathBuf, u64>,
 }
 
-/// How far the cache is.
+/// Progress of the cache.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Stage {
     /// No frame yet, so no file.
@@ -76,7 +76,7 @@ pub(super) fn clips_of(cache: &Path) -> PathBuf {
     cache.with_extension("clips")
 }
 
-/// What layers say of their numbers.
+/// Returns the units that layers state for their numbers.
 pub(super) fn layer_units(units: Units, fps: f64) -> LayerUnits {
     LayerUnits { metres_per_unit: units.length.metres(), z_up: units.up == UpAxis::Z, time_codes_per_second: fps }
 }
@@ -354,10 +354,10 @@ impl CacheWriter for UsdWriter {
     }
 }
 
-/// What of a mesh is written beside the mesh.
+/// Data of a mesh that is written beside the mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Form {
-    /// What its points are counted from, if not from the origin of the world.
+    /// Position that its points are counted from, if not from the origin of the world.
     pub(super) origin: Option<[f64; 3]>,
     /// Whether frames have velocities.
     pub(super) velocities: bool,
@@ -422,7 +422,7 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
     crate::atomic_file::replace(path, text.as_bytes())
 }
 
-/// What a part of a shot is for, if it is not for everything.
+/// Returns the purpose of a part of a shot; `None` if it serves every purpose.
 pub(super) fn purpose_of(part: Part) -> Option<&'static str> {
     match part {
         Part::Alone => None,

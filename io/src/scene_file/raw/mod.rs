@@ -21,7 +21,7 @@ pub(in crate::scene_file) use garment::{
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
 
-/// What a name of a painted map begins with that is a file.
+/// Prefix of the name of a painted map that is a file.
 pub(in crate::scene_file) const FILE: &str = "file:";
 
 /// A scene for Drapery.
@@ -276,7 +276,7 @@ impl Default for Output {
 }
 
 impl Output {
-    /// Where there are samples between a frame and the next, as fractions of a frame, ascending.
+    /// Returns the times of the samples between a frame and the next, as fractions of a frame, ascending.
     pub(in crate::scene_file) fn sub_frames(&self) -> Vec<f64> {
         let [open, close] = self.shutter;
         let intervals = self.samples.saturating_sub(1);

@@ -14,7 +14,7 @@ pub(super) const ARCS: [&str; 2] = ["inheritPaths", "specializes"];
 /// Longest way from prim to prim; no stage that people work with comes near.
 const DEEPEST: usize = 256;
 
-/// What prims inherit from and specialize, in all layers that were opened: paths by path.
+/// Prims that prims inherit from and specialize, in all layers that were opened: paths by path.
 ///
 /// Layers that are referred to may have other places in the stage. Where two use the same paths, their circles are found too.
 #[derive(Debug, Default)]
@@ -72,7 +72,8 @@ impl Classes {
         Ok(height)
     }
 
-    /// Where the library goes from a prim: to its targets, and with the prims above it to theirs.
+    /// Finds the paths to which the library goes from a prim: to its targets, and with the prims above it to their
+    /// targets.
     fn next(&self, path: &str) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         let mut above = path;

@@ -1,4 +1,4 @@
-//! What can be wrong with a stage: file, prim, what, and what to do.
+//! Faults of a stage: file, prim, description, and action to take.
 
 use std::path::{Path, PathBuf};
 
@@ -21,9 +21,9 @@ pub struct UsdError {
     pub path: PathBuf,
     /// Prim, attribute, or layer.
     pub place: String,
-    /// What is wrong.
+    /// Description of the fault.
     pub what: String,
-    /// What to do.
+    /// Action to take.
     pub advice: String,
 }
 

@@ -14,14 +14,14 @@ use openusd::usdz;
 use super::classes::Classes;
 use super::promises;
 
-/// What was opened, and what was refused.
+/// Record of the files that were opened, and of the layers that were refused.
 #[derive(Debug, Default)]
 pub(crate) struct Log {
     /// Files, in the order in which they were opened.
     pub(crate) files: Vec<PathBuf>,
     /// Layers that were not handed on, and why.
     pub(crate) refused: Vec<(String, String)>,
-    /// How prims inherit from each other, in all layers.
+    /// Inheritance between prims, in all layers.
     classes: Classes,
 }
 
@@ -38,7 +38,8 @@ impl Guard {
         (Self { inner: DefaultResolver::new(), log: Arc::clone(&log) }, log)
     }
 
-    /// What is wrong with how prims inherit from each other, in this layer or together with those before.
+    /// Returns the fault in the inheritance between prims, in this layer or together with the layers before, if there
+    /// is one.
     fn circle(&self, layer: &SharedBuffer) -> Option<String> {
         if promises::has_classes(layer) { seen(&self.log).classes.take(layer) } else { None }
     }

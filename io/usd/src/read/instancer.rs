@@ -17,7 +17,7 @@ use crate::Interpolation;
 /// Most points of one mesh at all its places.
 const MOST_POINTS: usize = if cfg!(fuzzing) { 100_000 } else { 100_000_000 };
 
-/// Which prototype of which instancer a mesh belongs to.
+/// Prototype that a mesh belongs to, and the instancer of that prototype.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Prototype {
     /// Path of the instancer.

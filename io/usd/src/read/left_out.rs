@@ -1,4 +1,4 @@
-//! What a mesh has and nothing is made of, by name: whoever writes it anew has to tell.
+//! Names of the data of a mesh that are not read: a program that writes the mesh anew has to report them.
 
 use openusd::sdf::Value;
 use openusd::usd::Prim;

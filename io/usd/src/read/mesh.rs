@@ -156,7 +156,7 @@ impl Mesh {
         }
     }
 
-    /// What is stored at a code, where only transforms are between that and the world.
+    /// Returns the data stored at a time code, where only transforms are between them and the world.
     pub(crate) fn stored(&self, reading: &Reading, code: f64) -> Result<Option<Stored>, UsdError> {
         if self.skin.is_some() || self.instances.is_some() {
             return Ok(None);

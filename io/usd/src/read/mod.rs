@@ -46,7 +46,7 @@ pub struct Entry {
     pub path: String,
     /// Why nothing is to be seen of it: its visibility, or that it is only a prototype.
     pub hidden: Option<String>,
-    /// What it is for, if not for everything: `render`, `proxy` or `guide`.
+    /// Purpose, if it is not for everything: `render`, `proxy` or `guide`.
     pub purpose: Option<String>,
     /// Whose prototype it is a part of, to be seen at all places of that.
     pub(crate) prototype: Option<instancer::Prototype>,
@@ -64,7 +64,7 @@ impl Entry {
     }
 }
 
-/// What a stage says about itself.
+/// Description that a stage gives of itself.
 #[derive(Debug, Clone, Default)]
 pub struct About {
     /// Length of a unit [m], where a layer says so; USD's default is 0.01.
@@ -85,22 +85,22 @@ pub struct About {
     pub meshes: Vec<Entry>,
     /// Other prims, the first thousand: path and type.
     pub others: Vec<(String, String)>,
-    /// What is wrong with the composition: path of the prim (empty for the whole stage), and the error.
+    /// Faults of the composition: path of the prim (empty for the whole stage), and the error.
     pub flaws: Vec<(String, UsdError)>,
     /// Files that it is made of, as far as they are open.
     pub layers: Vec<PathBuf>,
 }
 
-/// What is known of meshes that were chosen.
+/// Information about meshes that were chosen.
 #[derive(Debug, Clone, Default)]
 pub struct Chosen {
     /// Time codes at which something of them is stored, ascending; none when nothing moves.
     pub codes: Vec<f64>,
     /// The same of each of them, in the order in which they were chosen.
     pub codes_of_each: Vec<Vec<f64>>,
-    /// What somebody may want to know.
+    /// Remarks that may be of interest to a user.
     pub notes: Vec<String>,
-    /// What each of them has and nothing of is read, a few words each.
+    /// Data that each of them has and that are not read, a few words each.
     pub left_out_of_each: Vec<Vec<String>>,
     /// Primvars of each of them that move, by their names.
     pub moving_primvars_of_each: Vec<Vec<String>>,
@@ -157,7 +157,7 @@ impl Element {
     }
 }
 
-/// What the numbers of a primvar mean, or whether its texts are words that programs know.
+/// Meaning of the numbers of a primvar, or whether its texts are words that programs know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // the names say all
 pub enum Meaning {
@@ -175,13 +175,13 @@ pub enum Meaning {
 pub struct Primvar {
     /// Its name, without `primvars:`.
     pub name: String,
-    /// What one value belongs to; corners are in the order of [`Faces`].
+    /// Part of the mesh that one value belongs to; corners are in the order of [`Faces`].
     pub interpolation: Interpolation,
     /// Type of its numbers.
     pub element: Element,
     /// Numbers that make a value.
     pub extent: u8,
-    /// What they mean.
+    /// Meaning of the numbers.
     pub meaning: Meaning,
     /// The values as bytes, little end first; each text ends with a zero.
     pub values: Vec<u8>,
@@ -210,7 +210,7 @@ pub struct MeshSample {
     pub render_mesh_of: Option<String>,
 }
 
-/// What a mesh stores at a time code, before anything is made of it.
+/// Data that a mesh stores at a time code, before any processing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stored {
     /// Points in its own space.
@@ -252,7 +252,7 @@ impl Stage {
         Ok(Self { path: path.to_owned(), about, worker })
     }
 
-    /// What it says about itself.
+    /// Returns the description that the stage gives of itself.
     pub fn about(&self) -> &About {
         &self.about
     }
@@ -290,7 +290,8 @@ impl Stage {
         self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces_move()))
     }
 
-    /// What a chosen mesh stores at a time code; `None` where more than transforms makes its points of that.
+    /// Returns the data that a chosen mesh stores at a time code; `None` where more than transforms makes its points
+    /// of them.
     ///
     /// # Errors
     /// The mesh contradicts itself.

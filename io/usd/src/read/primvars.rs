@@ -9,7 +9,7 @@ use super::values::{integers, length, number, word};
 use super::{Element, Meaning, Primvar};
 use crate::Interpolation;
 
-/// Those that say how a skeleton moves the mesh.
+/// Prefix of the primvars that say how a skeleton moves the mesh.
 const OF_SKELETONS: &str = "skel:";
 
 /// All primvars of a mesh that hold numbers or texts, corners in the order of the file.
@@ -96,7 +96,7 @@ fn meaning(reading: &Reading, attribute: &Attribute) -> Result<Meaning, UsdError
     })
 }
 
-/// How many numbers or texts make a value; `None` for what is neither.
+/// Returns the count of numbers or texts that make a value; `None` for other types.
 pub(crate) fn numbers_of(value: &Value) -> Option<usize> {
     bytes(value).map(|(_, extent, _)| extent)
 }

@@ -1,4 +1,4 @@
-//! What a layer promises, looked at before `openusd` decodes it.
+//! Promises of a layer, looked at before `openusd` decodes it.
 //!
 //! A binary layer refers to its arrays by offset, and several samples may refer to the same one; `openusd` decodes all samples of
 //! an attribute at once. A small file can therefore ask for any amount of memory, and does so in earnest when a body stands
@@ -25,7 +25,7 @@ const DEEPEST: usize = 256;
 /// Type of an array of time samples, in the numbers of the format.
 const TIME_SAMPLES: u64 = 46;
 
-/// What is wrong with the bytes of a layer, if anything is.
+/// Returns the fault in the bytes of a layer, if there is one.
 pub(crate) fn problem(bytes: &SharedBuffer) -> Option<String> {
     if bytes.starts_with(MAGIC) { of_crate(bytes) } else { of_text(bytes) }
 }

@@ -23,13 +23,13 @@ const MOST_PRIMS: usize = if cfg!(fuzzing) { 2_000 } else { 100_000 };
 /// Prims of which `info` tells the type.
 const MOST_OTHERS: usize = 1000;
 
-/// What is asked on the thread of a stage.
+/// State that is queried on the thread of a stage.
 pub(crate) struct Session {
     pub(crate) reading: Reading,
     pub(crate) meshes: RefCell<Vec<Mesh>>,
 }
 
-/// What a prim hands down to its children.
+/// State that a prim hands down to its children.
 #[derive(Clone, Default)]
 struct Inherited {
     invisible: bool,
@@ -53,7 +53,7 @@ struct Instancer {
     prototypes: Vec<String>,
     /// Why nothing is to be seen of it.
     hidden: Option<String>,
-    /// What it is for.
+    /// Purpose of the instancer.
     purpose: Option<String>,
 }
 
@@ -104,7 +104,7 @@ impl Session {
     }
 }
 
-/// What a stage says about itself.
+/// Returns the description that a stage gives of itself.
 fn about(reading: &Reading) -> Result<About, UsdError> {
     let stage = &reading.stage;
     let metadata = |field: &str| stage.stage_metadata(field).ok().flatten();
@@ -246,7 +246,7 @@ fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
     found.append(&mut placed);
 }
 
-/// What went wrong inside the library, and in which file.
+/// Failure inside the library, and the file in which it occurred.
 #[derive(Debug)]
 pub(crate) struct Failure(pub(crate) UsdError);
 

@@ -26,7 +26,7 @@ pub(crate) struct Skeleton {
     pub(crate) transform: Transform,
 }
 
-/// What moves a skeleton (`SkelAnimation`).
+/// Source of a skeleton's motion (`SkelAnimation`).
 pub(crate) struct Animation {
     path: String,
     /// Place among the skeleton's joints of each joint that it moves.
@@ -83,7 +83,7 @@ impl Skeleton {
         Ok(times)
     }
 
-    /// How each joint moves what was bound to it, within the space of the skeleton.
+    /// Returns the matrix with which each joint moves the geometry bound to it, within the space of the skeleton.
     pub(crate) fn pose(&self, reading: &Reading, code: f64) -> Result<Vec<Matrix>, UsdError> {
         let bad = |what: String| reading.bad(self.path.as_str(), what, "export the character again");
         let mut local = match (&self.rest, &self.animation) {
@@ -194,7 +194,8 @@ pub(crate) fn prim_at(reading: &Reading, path: &openusd::sdf::Path, from: &Prim)
     found.map_err(|error| reading.bad(from.path().as_str(), error.to_string(), "export the character again"))
 }
 
-/// What a relationship of the prim, or of the nearest ancestor that has it, points to; only prims with `SkelBindingAPI` count.
+/// Returns the target of a relationship of the prim, or of the nearest ancestor that has it; only prims with
+/// `SkelBindingAPI` count.
 pub(crate) fn bound(reading: &Reading, prim: &Prim, name: &str) -> Result<Option<openusd::sdf::Path>, UsdError> {
     let mut next = Some(prim.clone());
     while let Some(prim) = next.filter(|prim| prim.path().as_str() != "/") {

@@ -21,14 +21,14 @@ use super::values::{integers, matrix, number, numbers, word, words};
 /// Sums of weights farther from one than this are worth a note: weights in half precision come closer.
 const SUM: f64 = 1e-3;
 
-/// What moves a mesh.
+/// Skeleton, joints and blend shapes that move a mesh.
 pub(crate) struct Skin {
     skeleton: Skeleton,
     joints: Option<Joints>,
     shapes: Option<BlendShapes>,
 }
 
-/// Which joints move which points.
+/// Joints that move each of the points.
 struct Joints {
     /// Path of the mesh.
     path: String,
@@ -43,7 +43,7 @@ struct Joints {
 }
 
 impl Skin {
-    /// What moves this mesh, which is under a `SkelRoot`; nothing if it is bound to no skeleton.
+    /// Returns the skin that moves this mesh, which is under a `SkelRoot`; `None` if it is bound to no skeleton.
     pub(crate) fn of(reading: &Reading, mesh: &Prim, notes: &mut Vec<String>) -> Result<Option<Self>, UsdError> {
         let Some(target) = bound(reading, mesh, "skel:skeleton")? else { return Ok(None) };
         let prim = prim_at(reading, &target, mesh)?;
@@ -272,7 +272,7 @@ fn inherited(reading: &Reading, mesh: &Prim, name: &str) -> Result<Option<Attrib
     Ok(None)
 }
 
-/// How many joints a point has, and whether all points have the same.
+/// Returns the number of joints of a point, and whether all points have the same joints.
 fn layout(reading: &Reading, indices: &Attribute) -> Result<(usize, bool), UsdError> {
     let size = metadata(reading, indices, "elementSize")?.as_ref().and_then(number).unwrap_or(1.0);
     let interpolation = metadata(reading, indices, "interpolation")?.as_ref().and_then(word);
@@ -286,7 +286,7 @@ fn layout(reading: &Reading, indices: &Attribute) -> Result<(usize, bool), UsdEr
     }
 }
 
-/// What to say of weights that do not sum to one.
+/// Returns a note on weights that do not sum to one, if there are any.
 fn sums(path: &str, weights: &[f64], per_point: usize) -> Option<String> {
     let off = weights.chunks(per_point).map(|weights| (weights.iter().sum::<f64>() - 1.0).abs());
     let (count, worst) =

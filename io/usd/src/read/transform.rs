@@ -10,10 +10,10 @@ use super::matrix::{
 use super::reading::Reading;
 use super::values::{matrix, number, quaternion, vector};
 
-/// What stands in the order of operations where all ancestors are left out.
+/// Entry in the order of operations where all ancestors are left out.
 const RESET: &str = "!resetXformStack!";
 
-/// What an inverted operation begins with.
+/// Prefix of an inverted operation.
 const INVERT: &str = "!invert!";
 
 /// Types of prims that have no transform, whatever they hold.

@@ -1,8 +1,9 @@
 //! The thread that a stage lives on.
 //!
-//! What `openusd` composes belongs to one thread, while readers here go from thread to thread; and damaged layers may make it
-//! panic. So a stage stays on a thread of its own, which answers questions. A panic there is the answer to one question, an error
-//! like any other, and everything that this stage is asked afterwards gets the same answer: what it left half done is not trusted.
+//! Stages that `openusd` composes belong to one thread, while readers here go from thread to thread; and damaged
+//! layers may make it panic. So a stage stays on a thread of its own, which answers questions. A panic there is the
+//! answer to one question, an error like any other, and everything that this stage is asked afterwards gets the same
+//! answer: what it left half done is not trusted.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -30,11 +31,11 @@ pub(crate) struct Worker<S: 'static> {
     /// Taken when the thread is to end.
     jobs: Option<Sender<Job<S>>>,
     thread: Option<JoinHandle<()>>,
-    /// What the first panic said.
+    /// Message of the first panic.
     broken: Mutex<Option<Panicked>>,
 }
 
-/// What the library said when it gave up.
+/// Message of the library when it gave up.
 #[derive(Debug, Clone)]
 pub(crate) struct Panicked(pub(crate) String);
 

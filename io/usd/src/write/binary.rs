@@ -14,7 +14,7 @@ use super::Units;
 pub struct WriteError {
     /// The prim or property.
     pub place: String,
-    /// What is wrong.
+    /// Description of the fault.
     pub what: String,
 }
 
@@ -29,16 +29,16 @@ pub(super) struct Prim {
     path: Path,
 }
 
-/// How a property is declared beside its name and type.
+/// Declaration of a property beside its name and type.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Declared<'a> {
     /// It has one value for all times.
     pub(super) uniform: bool,
     /// No schema knows it.
     pub(super) custom: bool,
-    /// What a value of a primvar belongs to.
+    /// Part of the mesh that a value of a primvar belongs to.
     pub(super) interpolation: Option<&'a str>,
-    /// How many numbers one value of a primvar takes, where its type does not say.
+    /// Count of numbers in one value of a primvar, where its type does not say.
     pub(super) element_size: Option<i32>,
 }
 

@@ -18,13 +18,13 @@ pub(super) const VELOCITIES: (&str, &str) = ("velocities", "vector3f[]");
 pub(super) const NORMALS: (&str, &str) = ("normals", "normal3f[]");
 pub(super) const EXTENT: (&str, &str) = ("extent", "float3[]");
 
-/// How many edges of cloth pass through triangles of cloth, in all garments of the shot.
+/// Number of edges of cloth that pass through triangles of cloth, in all garments of the shot.
 pub(super) const CROSSINGS: (&str, &str) = ("drapery:crossings", "uint");
 
 /// The triangles that were simulated, three points each; only in meshes with other faces.
 const TRIANGLES: (&str, &str) = ("drapery:triangles", "int3[]");
 
-/// How a renderer takes the faces.
+/// Interpretation of the faces by a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Subdivision {
     /// As they are.
@@ -52,16 +52,16 @@ impl Subdivision {
 /// Everything of a mesh that does not move. Faces are counter-clockwise seen from outside.
 #[derive(Debug)]
 pub struct StillMesh<'a> {
-    /// Where it is.
+    /// Path of the mesh in its layer.
     pub path: &'a MeshPath,
-    /// What its points are counted from, if not from the origin of the world: a translation of the prim above it, or of
-    /// itself where there is none.
+    /// Origin that its points are counted from, if not the origin of the world: a translation of the prim above the
+    /// mesh, or of the mesh itself where there is no prim above it.
     pub origin: Option<[f64; 3]>,
     /// Number of corners of each face.
     pub face_counts: Vec<i32>,
     /// Point of each corner.
     pub face_indices: Vec<i32>,
-    /// How renderers take the faces.
+    /// Interpretation of the faces by renderers.
     pub subdivision: Subdivision,
     /// Texture coordinates, and the one of each face corner.
     pub uvs: Option<(Vec<[f32; 2]>, Vec<i32>)>,
@@ -71,7 +71,7 @@ pub struct StillMesh<'a> {
     pub subsets: Vec<FaceSubset>,
     /// The material of the whole mesh, if one is bound.
     pub material: Option<BoundMaterial>,
-    /// What it is for, if that is said: `render`, `proxy` or `guide`.
+    /// Purpose, if it is stated: `render`, `proxy` or `guide`.
     pub purpose: Option<String>,
     /// Whether both sides of it are rendered, where that is said.
     pub double_sided: Option<bool>,
@@ -87,7 +87,7 @@ pub struct StillMesh<'a> {
     pub crossings: bool,
 }
 
-/// What beside points and extent frames have.
+/// Members that frames have beside points and extent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Members {
     /// Velocities.
@@ -98,7 +98,7 @@ pub struct Members {
     pub crossings: bool,
 }
 
-/// What of a mesh moves, at one frame.
+/// Moving data of a mesh at one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Moving<'a> {
     /// Time code, which is the frame.

@@ -25,7 +25,7 @@ pub use single::{About, PartOfShot, SingleLayer};
 pub use subsets::FaceSubset;
 pub use text::{CacheLayer, GarmentReference, ShotLayer, cache_layer, clip_manifest, shot_layer};
 
-/// What every layer says of its numbers.
+/// Meaning of the numbers of a layer, which every layer states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Units {
     /// Length of one unit [m].

@@ -33,12 +33,12 @@ impl Distinct {
     }
 }
 
-/// Where a mesh is in its layer: the prims from the root down to it.
+/// Location of a mesh in its layer: the prims from the root down to it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MeshPath {
     /// Identifiers, the mesh last; one at least.
     prims: Vec<String>,
-    /// How many of them stand for the root of the file that the mesh is from, and its name.
+    /// Number of them that stand for the root of the file that the mesh is from, and the name of that root.
     root: (usize, String),
 }
 
@@ -61,8 +61,8 @@ impl MeshPath {
         Self { prims, root: (2, self.root.1.clone()) }
     }
 
-    /// Where a material of this path goes: below what stands for the root of the mesh, so that both stay together wherever the layer
-    /// is referenced.
+    /// Returns the place of a material of this path: below the prims that stand for the root of the mesh, so that
+    /// both stay together wherever the layer is referenced.
     pub(super) fn material(&self, path: &str) -> Vec<String> {
         let mut names: Vec<String> = path.split('/').filter(|name| !name.is_empty()).map(identifier).collect();
         let (levels, root) = &self.root;

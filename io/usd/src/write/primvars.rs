@@ -37,14 +37,14 @@ pub enum Values {
 pub struct Primvar {
     /// Its name; what USD does not accept in names is replaced.
     pub name: String,
-    /// What one value belongs to.
+    /// Part of the mesh that one value belongs to.
     pub interpolation: Interpolation,
     /// The numbers.
     pub values: Values,
-    /// How many of them are one value.
+    /// Count of them in one value.
     pub extent: usize,
-    /// What three or four of them mean: `point`, `vector`, `normal`, `color`, `texCoord` or nothing; `token` of texts that are
-    /// words.
+    /// Meaning of three or four of them: `point`, `vector`, `normal`, `color`, `texCoord` or nothing; `token` for
+    /// texts that are words.
     pub role: &'static str,
     /// The value of each place, where values are shared.
     pub indices: Option<Vec<i32>>,
@@ -69,7 +69,7 @@ pub(super) fn add(layer: &mut BinaryLayer, mesh: &Prim, identifier: &str, primva
     Ok(())
 }
 
-/// How many numbers one element of an array takes.
+/// Returns the count of numbers in one element of an array.
 fn groups(value: &Value) -> usize {
     match value {
         Value::Vec2fVec(_) | Value::Vec2dVec(_) | Value::Vec2hVec(_) | Value::Vec2iVec(_) => 2,

@@ -11,27 +11,27 @@ use super::Units;
 use super::binary::{BinaryLayer, Declared, Prim, WriteError, token};
 use super::mesh::{CROSSINGS, EXTENT, Moving, NORMALS, POINTS, StillMesh, VELOCITIES, add_prims, extent, vectors};
 
-/// What a layer says of itself.
+/// Description that a layer gives of itself.
 #[derive(Debug)]
 pub struct About<'a> {
-    /// What its numbers mean.
+    /// Meaning of its numbers.
     pub units: Units,
     /// Name of the prim that stands for it.
     pub default_prim: &'a str,
     /// First and last frame.
     pub frames: [i64; 2],
-    /// How it was made: name and text.
+    /// Provenance, as name and text: how it was made.
     pub properties: &'a [(&'a str, String)],
 }
 
-/// What is said of a shot's garment or render mesh beside its mesh.
+/// Properties stated of a shot's garment or render mesh beside its mesh.
 #[derive(Debug)]
 pub struct PartOfShot<'a> {
     /// Its prim, below the root.
     pub prim: &'a str,
     /// Its name.
     pub name: &'a str,
-    /// What it is for, if it is not for everything: `render` or `proxy`.
+    /// Purpose, if it is not for everything: `render` or `proxy`.
     pub purpose: Option<&'static str>,
 }
 

@@ -9,28 +9,28 @@ use super::names::{Distinct, MeshPath};
 /// The layer of a garment's cache.
 #[derive(Debug)]
 pub struct CacheLayer<'a> {
-    /// What its numbers mean.
+    /// Meaning of its numbers.
     pub units: Units,
-    /// Where the mesh is.
+    /// Path of the mesh in the layer.
     pub path: &'a MeshPath,
     /// One line about it.
     pub documentation: &'a str,
-    /// How it was made: name and text.
+    /// Provenance, as name and text: how it was made.
     pub properties: &'a [(&'a str, String)],
     /// Folder of topology, manifest and clips, relative to the layer.
     pub folder: &'a str,
     /// First and last frame that are there.
     pub frames: [i64; 2],
-    /// Where there are samples between a frame and the next, as fractions of a frame.
+    /// Positions of the samples between a frame and the next, as fractions of a frame.
     pub sub_frames: &'a [f64],
-    /// How many of them are there behind the last frame.
+    /// Number of them that are there behind the last frame.
     pub last_sub_frame: usize,
 }
 
 /// The layer of a shot.
 #[derive(Debug)]
 pub struct ShotLayer<'a> {
-    /// What the numbers of its layers mean.
+    /// Meaning of the numbers of its layers.
     pub units: Units,
     /// Name of the shot.
     pub shot: &'a str,
@@ -47,7 +47,7 @@ pub struct GarmentReference {
     pub name: String,
     /// Its cache, relative to the shot's layer.
     pub file: String,
-    /// What it is for, if it is not for everything: `render` or `proxy`.
+    /// Purpose, if it is not for everything: `render` or `proxy`.
     pub purpose: Option<&'static str>,
 }
 
@@ -112,7 +112,7 @@ pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
     text
 }
 
-/// What the clips of a cache hold, without values.
+/// Returns the layer that declares the content of a cache's clips, without values.
 pub fn clip_manifest(units: Units, path: &MeshPath, members: Members) -> String {
     let mut text = String::from("#usda 1.0\n(\n");
     write_header(&mut text, units, path.root(), ("What the clips of this cache hold.", None));

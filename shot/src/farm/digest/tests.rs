@@ -29,7 +29,7 @@ fn folder(content: &str) -> tempfile::TempDir {
     folder
 }
 
-/// Of the scene with one text replaced by another.
+/// Computes the fingerprint of the scene with one text replaced by another.
 fn fingerprint(folder: &tempfile::TempDir, replaced: &str, by: &str) -> Fingerprint {
     assert!(SCENE_TEXT.contains(replaced), "{replaced}");
     let text = SCENE_TEXT.replace(replaced, by).replace("FOLDER", &folder.path().display().to_string());
@@ -191,7 +191,7 @@ fn speed_of_content_digests() {
 const EVERY_TABLE: &str = include_str!("every_table.toml");
 const OF_EARLIER_PROGRAM: &str = include_str!("every_table.json");
 
-/// Of the scene with a table of every kind, with these lines in the place of one.
+/// Computes the fingerprint of the scene with a table of every kind, with these lines in the place of one.
 fn of_every_table(line: &str, by: &str) -> Fingerprint {
     assert!(EVERY_TABLE.contains(line), "{line}");
     let text = EVERY_TABLE.replacen(line, by, 1);

@@ -13,7 +13,7 @@ use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::MeshData;
 use drapery_io::units::Units;
 
-/// What the positions of a far cache are counted from.
+/// Origin from which the positions of a far cache are counted.
 const FAR: [u32; 3] = [100_000, 0, 3];
 
 /// A cache of two frames of one triangle.

@@ -38,7 +38,7 @@ pub fn run(data: &[u8]) {
     });
 }
 
-/// What `drapery report` and `drapery status` make of a manifest and a record.
+/// Reads a manifest and a record as `drapery report` and `drapery status` do.
 fn page(manifest: &[u8], record: &[u8]) {
     scratch::file(MANIFEST, manifest);
     let record = scratch::file(RECORD, record);

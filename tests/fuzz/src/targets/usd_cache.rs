@@ -9,13 +9,13 @@ use crate::{memory, scratch};
 use drapery_analysis::verify::verify;
 use drapery_io::cache_frames::CacheFrames;
 
-/// What stands between the layers of an input.
+/// Separator of the layers of an input.
 pub const BETWEEN: &[u8] = b"\0--\0";
 
 /// Folder of what does not move and of clips, as the text of a seed names it.
 pub const FOLDER: &str = "cloth.clips/d";
 
-/// What is in it: what does not move, a frame, a sample behind the frame. Inputs may end before the last.
+/// Layers in [`FOLDER`]: static data, a frame, a sample behind the frame. Inputs may end before the last.
 pub const LAYERS: [&str; 3] = ["topology.usdc", "0001.usdc", "0001_1.usdc"];
 
 /// Reads one input.
