@@ -7,6 +7,7 @@ mod counts;
 mod crate_examples;
 mod curves_picture;
 mod dependencies;
+mod doc_comments;
 mod docs;
 mod effects_page;
 mod facade;
