@@ -261,7 +261,6 @@ impl ActiveContact {
         let reaction = self.earlier + self.applied - residual.evaluated;
         let (push, rest) = self.split(&reaction);
         let most = self.friction * push.max(0.0);
-        let solved = self.split(&(self.earlier + self.applied - residual.solved)).0;
         let mode = match self.mode {
             _ if push < -doubt => ContactMode::Free,
             ContactMode::Sticks if rest.norm() > most + doubt => ContactMode::slips(rest),
@@ -272,7 +271,8 @@ impl ActiveContact {
             ContactMode::Free => (Vec3::zeros(), reaction),
             ContactMode::Sticks | ContactMode::Stops | ContactMode::Dragged => (Vec3::zeros(), Vec3::zeros()),
             ContactMode::Slips(against) => {
-                let applied = against * most.min(self.friction * solved.max(0.0));
+                let (solved_push, _) = self.split(&(self.earlier + self.applied - residual.solved));
+                let applied = against * most.min(self.friction * solved_push.max(0.0));
                 (applied, applied - if mode == self.mode { self.applied } else { rest })
             }
         };

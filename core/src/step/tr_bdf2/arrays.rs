@@ -26,9 +26,9 @@ pub(crate) struct StageArrays {
     /// Forces on own vertices at the start, and at the stage [N].
     pub(super) f_start: Vec<Vec3>,
     pub(super) f: Vec<Vec3>,
-    /// Impulse that a solve is to balance [N s], and the same with the forces of pairs that the solve before has
-    /// found.
+    /// Impulse that a solve is to balance [N s].
     pub(super) residual: Vec<Vec3>,
+    /// The same with the forces of pairs that the solve before has found [N s].
     pub(super) solved_residual: Vec<Vec3>,
     /// Change of the velocities by a solve [m/s].
     pub(super) change: Vec<Vec3>,

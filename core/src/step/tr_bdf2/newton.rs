@@ -35,21 +35,24 @@ impl Stages<'_> {
         }
     }
 
-    /// Sets the residual of a stage where it stands, and takes pairs in touch there into the matrix. `solved_residual` has the forces of pairs
-    /// that the solve before has found.
+    /// Sets the residual with the forces of pairs that the solve before has found, from the residual without pairs.
+    fn set_solved_residual(&mut self, stage: Stage) {
+        let mut solved = std::mem::take(&mut self.arrays.solved_residual);
+        solved.copy_from_slice(&self.arrays.residual);
+        self.add_pair_impulses(stage.share_of_pairs() * ALPHA * self.at.dt, &mut solved);
+        self.arrays.solved_residual = solved;
+    }
+
+    /// Adds the forces of pairs in touch where the stage stands to its residual, and takes the pairs into the matrix.
     ///
     /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
     /// alone, for all of its length.
-    fn set_residual(&mut self, stage: Stage) {
+    fn add_pairs(&mut self, stage: Stage) {
         let (share, alpha) = (stage.share_of_pairs(), ALPHA * self.at.dt);
-        self.set_residual_without_pairs(stage);
-        let StageArrays { residual, solved_residual, .. } = &mut *self.arrays;
-        let [mut residual, mut solved] = [residual, solved_residual].map(std::mem::take);
-        solved.copy_from_slice(&residual);
-        self.add_pair_impulses(share * alpha, &mut solved);
         self.evaluate_pairs(stage.fraction());
+        let mut residual = std::mem::take(&mut self.arrays.residual);
         self.add_pair_impulses(share * alpha, &mut residual);
-        (self.arrays.residual, self.arrays.solved_residual) = (residual, solved);
+        self.arrays.residual = residual;
         if let Some(contact) = &self.repulsion {
             let StageArrays { cg, pairs, .. } = &mut *self.arrays;
             cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, alpha]);
@@ -81,6 +84,7 @@ impl Stages<'_> {
         let alpha = ALPHA * self.at.dt;
         let at = self.at;
         self.set_residual(stage);
+        self.add_pairs(stage);
         let mut total = Outcome::NONE;
         let is_whole = stage != Stage::SecondAgain;
         let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
@@ -184,6 +188,8 @@ impl Stages<'_> {
         }
         self.evaluate(stage.fraction(), true);
         self.set_residual(stage);
+        self.set_solved_residual(stage);
+        self.add_pairs(stage);
         let StageArrays { residual, solved_residual, v_start, x, unconverged, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
             if stage != Stage::First {

@@ -235,7 +235,7 @@ impl<'a> Stages<'a> {
     }
 
     /// Sets the residual of a stage where it stands, without the forces of pairs in touch.
-    pub(super) fn set_residual_without_pairs(&mut self, stage: Stage) {
+    pub(super) fn set_residual(&mut self, stage: Stage) {
         let (alpha, parts, drag) = (ALPHA * self.at.dt, self.at.parts, self.drag(stage));
         let StageArrays { v_start, v_first, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
         for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| unconverged[*part]) {
