@@ -6,17 +6,20 @@ today's (`make build`), and compares SHA-256 of the caches and of every checkpoi
 `--integrator` runs all cases with this one; settings that it does not read get their defaults.
 Today's program runs each case on 1 and 4 threads, on 2, 4 and 7 ranks, stopped at a frame and continued on other threads, and
 resumes from a checkpoint that the earlier program has written. The earlier program is built once, below `target/measured`.
-Ends with 1 if a byte differs.
+Checkpoints name the version of the solver: those of two versions are compared by their arrays. Ends with 1 if a byte differs.
 """
 
 import argparse
 import hashlib
+import json
 import os
 import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import h5py
 
 from measure.runs import MPI, ROOT, TODAY, assets, build, measured_folder
 from measure.scenes import SAMPLES, TESTS, without_tables
@@ -32,6 +35,9 @@ class Case:
     last: int
     settings: dict = field(default_factory=dict)
 
+
+# The first run of today's program.
+ONE_THREAD = "1 thread"
 
 CASES = {
     "hanging_sheet": Case(SAMPLES / "hanging_sheet.toml", 1001, 1003, 1006),
@@ -72,10 +78,10 @@ def scene_of(case):
     return scene
 
 
-def run(program, case, out, last, threads=1, ranks=1):
+def run(program, case, out, last, threads=1, ranks=1, options=()):
     """Simulates a case up to a frame, in this folder."""
     command = [program, "run", scene_of(case), "--frames", f"{case.first}-{last}", "--out", out, "--threads", threads]
-    command += ["--checkpoint-every", "1f", "--keep", 1000, "--progress", "none"]
+    command += ["--checkpoint-every", "1f", "--keep", 1000, "--progress", "none", *options]
     command += [f"--set={name}={value}" for name, value in case.settings.items()]
     if ranks > 1:
         command = ["mpirun", "-n", ranks, *command]
@@ -85,23 +91,45 @@ def run(program, case, out, last, threads=1, ranks=1):
         sys.exit(f"exit code {done.returncode} of {' '.join(map(str, command))}\n{done.stderr[-2000:]}")
 
 
-def digests(out):
-    """SHA-256 of each cache and checkpoint."""
-    found = [path for path in out.rglob("*.*") if path.suffix in (".abc", ".h5")]
-    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(found)}
+def solver_of(out):
+    """Version of the solver that made this run."""
+    return json.loads((out / "fingerprint.json").read_text())["digests"]["solver"]
+
+
+def array_digest(checkpoint):
+    """SHA-256 of the names, types, shapes and bytes of the arrays of a checkpoint."""
+    found = hashlib.sha256()
+
+    def add(name, item):
+        if isinstance(item, h5py.Dataset):
+            found.update(f"{name} {item.dtype} {item.shape}\n".encode())
+            found.update(item[()].tobytes())
+
+    with h5py.File(checkpoint) as file:
+        file.visititems(add)
+    return found.hexdigest()
+
+
+def digests(out, by_arrays):
+    """SHA-256 of each cache and checkpoint, or of the arrays of each checkpoint."""
+    found = sorted(path for path in out.rglob("*.*") if path.suffix in (".abc", ".h5"))
+    of_file = lambda path: hashlib.sha256(path.read_bytes()).hexdigest()
+    of_path = lambda path: array_digest(path) if by_arrays and path.parent.name == "checkpoints" else of_file(path)
+    return {str(path.relative_to(out)): of_path(path) for path in found}
 
 
 def repetitions(case, earlier, today):
     """The runs of today's program that have to give the same results; each is called with a folder."""
+    yield ONE_THREAD, lambda out: run(today, case, out, case.last)
     yield "4 threads", lambda out: run(today, case, out, case.last, threads=4)
-    yield "1 thread", lambda out: run(today, case, out, case.last)
     for ranks in (2, 4, 7):
         yield f"{ranks} ranks", lambda out: run(today, case, out, case.last, ranks=ranks)
 
     def resumed(first_program):
         def both(out):
             run(first_program, case, out, case.middle)
-            run(today, case, out, case.last, threads=3)
+            has_changed = solver_of(out) != solver_of(out.parent / ONE_THREAD)
+            run(today, case, out, case.last, threads=3, options=["--resume-with-changes"] if has_changed else [])
         return both
 
     yield "a stop and a resume", resumed(today)
@@ -112,12 +140,13 @@ def compare(name, case, earlier, today):
     """Whether all results of a case are the same; says which are not."""
     same = True
     with tempfile.TemporaryDirectory() as folder:
-        run(earlier, case, Path(folder) / "earlier", case.last)
-        expected = digests(Path(folder) / "earlier")
-        for number, (what, make) in enumerate(repetitions(case, earlier, today)):
-            out = Path(folder) / str(number)
+        before = Path(folder) / "earlier"
+        run(earlier, case, before, case.last)
+        for what, make in repetitions(case, earlier, today):
+            out = Path(folder) / what
             make(out)
-            found = digests(out)
+            by_arrays = solver_of(before) != solver_of(Path(folder) / ONE_THREAD)
+            expected, found = digests(before, by_arrays), digests(out, by_arrays)
             # Checkpoints before a stop know how long the caches of the shorter range are.
             early = {f"checkpoints/frame_{frame:05}.h5" for frame in range(case.first, case.middle) if "stop" in what}
             files = (expected.keys() | found.keys()) - early
