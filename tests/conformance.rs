@@ -1,5 +1,5 @@
-//! What every way for ranks to speak with each other has to do alike. All ranks of a run call [`conformance`] together;
-//! a rank that sees something else than promised panics, and its way of ending the others is part of what is tested.
+//! Requirements on every implementation of communication between ranks. All ranks of a run call [`conformance`] together; a rank
+//! that sees something else than promised panics, and its way of ending the others is part of the test.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 

@@ -1,5 +1,4 @@
-//! Where code names an effect as a text although it is not that effect's own: what is known of an effect ought to stand in its
-//! room.
+//! Places where code names an effect as a text outside the effect's own room. Knowledge of an effect belongs in its room.
 
 use std::path::{Path, PathBuf};
 

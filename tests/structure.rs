@@ -9,7 +9,7 @@ use crate::source_text::code_only;
 /// The path of a module below its crate; empty for the crate itself.
 pub type Module = Vec<String>;
 
-/// How often what is imported may have been handed on from a module to the one around it.
+/// Cap on the number of times that an import is handed on from a module to the one around it.
 const HANDED_ON: usize = 4;
 
 /// Folders of the crates of a workspace, below its root.
@@ -49,8 +49,9 @@ impl Modules {
         self.code.keys()
     }
 
-    /// What each module imports of others of the crate, by `use` or by a path in its code: from `crate`, `super` or `self`, or of a
-    /// module inside it by its name alone. What a module only hands on counts as imported from where it is.
+    /// Returns the imports of each module from others of the crate, by `use` or by a path in its code: from `crate`, `super` or
+    /// `self`, or from a module inside it by its name alone. An item that a module only hands on counts as imported from its own
+    /// module.
     pub fn imports(&self) -> BTreeMap<Module, BTreeSet<Module>> {
         let written: BTreeMap<&Module, Vec<Vec<String>>> =
             self.code.iter().map(|(module, code)| (module, paths(code, &self.inner(module)))).collect();
@@ -127,7 +128,7 @@ impl Modules {
     }
 }
 
-/// What can be reached from a module.
+/// Returns the modules that can be reached from a module.
 fn reach<'a>(graph: &'a BTreeMap<Module, BTreeSet<Module>>, from: &'a Module) -> BTreeSet<&'a Module> {
     let (mut found, mut next) = (BTreeSet::new(), vec![from]);
     while let Some(module) = next.pop() {

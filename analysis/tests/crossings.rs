@@ -40,7 +40,7 @@ struct Mesh<'a> {
     frames: &'a [Points],
     /// Number of corners of each face, and its points.
     faces: (&'a [i32], &'a [i32]),
-    /// Where its parent puts it.
+    /// Translation along y that its parent gives it.
     shift: f64,
     /// User property with triangles.
     triangles: &'a [i32],

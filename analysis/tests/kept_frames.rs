@@ -34,7 +34,7 @@ fn shot(frames: i64) -> Shot {
     Shot::prepare(described, Some([1001, frames])).unwrap()
 }
 
-/// What a run says.
+/// Notes and frames that a run reports.
 #[derive(Default)]
 struct Heard {
     notes: Vec<String>,
@@ -67,7 +67,7 @@ fn stopped() -> (tempfile::TempDir, PathBuf, PathBuf) {
     (folder, whole, out)
 }
 
-/// Which values of a frame are changed.
+/// Values of a frame that are changed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Values {
     Positions,

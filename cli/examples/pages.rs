@@ -6,7 +6,7 @@ use std::path::Path;
 
 use clap_complete::Shell;
 
-/// Where shells look for completions, below a prefix.
+/// Folders in which shells look for completions, below a prefix.
 const SHELLS: [(Shell, &str); 3] = [
     (Shell::Bash, "share/bash-completion/completions"),
     (Shell::Zsh, "share/zsh/site-functions"),

@@ -1,4 +1,4 @@
-//! What was typed.
+//! Arguments of the command line.
 
 mod values;
 
@@ -28,7 +28,7 @@ use values::{
     parse_tolerance, parse_up,
 };
 
-/// What `--version` says: the version, and what this build has beyond what every build has.
+/// Text of `--version`: the version, and the features of this build that not every build has.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let features =
         [("effects", REGISTRY.len() == LISTED.len()), ("mpi", cfg!(feature = "mpi")), ("usd", cfg!(feature = "usd"))];
@@ -49,7 +49,7 @@ pub(crate) struct Cli {
     pub(crate) config: Option<PathBuf>,
 }
 
-/// What was typed, with what the commands need to know of it besides.
+/// Parses the command line. `run` and `study` keep its words, `selftest` the name of the program.
 ///
 /// # Errors
 /// The command line is not understood, or asks for help.
@@ -65,7 +65,7 @@ pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
     Ok(cli)
 }
 
-/// What is logged, and where.
+/// Amount and destination of the log.
 #[derive(Debug, Args)]
 pub(crate) struct LogArgs {
     /// Say more (twice: everything); at the end of a run, where the time went and what was counted
@@ -141,7 +141,7 @@ pub(crate) struct SceneArgs {
     pub(crate) materials: MaterialsArgs,
 }
 
-/// Where materials are found.
+/// Folders of materials.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
@@ -161,7 +161,7 @@ pub(crate) struct ListArgs {
     pub(crate) json: bool,
 }
 
-/// How a run is made; nothing here changes a result.
+/// Settings of a run that change no result.
 #[derive(Debug, Default, Args)]
 pub(crate) struct RunSettingsArgs {
     /// Folder for the caches and the record of the run [default: out/<shot name>]
@@ -171,20 +171,20 @@ pub(crate) struct RunSettingsArgs {
     /// file]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) max_wall: Option<Duration>,
-    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so
-    /// often that they take more than a twentieth of the time [default: the site file, or auto]
+    /// Interval of checkpoints: a number of frames (10f), a time (15m), or `auto`; longer where they would take more
+    /// than a twentieth of the time [default: the site file, or auto]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<Every>,
-    /// How many of the last checkpoints are kept [default: the site file, or 3]
+    /// Number of last checkpoints that are kept [default: the site file, or 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) keep: Option<u16>,
     /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again) [default: the site file, or 75]
     #[arg(long, value_name = "N")]
     pub(crate) resumable_exit_code: Option<u8>,
-    /// How a run ends after SIGTERM, once its checkpoint is written [default: the site file, or exit]
+    /// End of the run after SIGTERM, once its checkpoint is written [default: the site file, or exit]
     #[arg(long, value_enum)]
     pub(crate) on_term: Option<OnTerm>,
-    /// How progress is reported [default: DRAPERY_PROGRESS, the site file, or auto]
+    /// Style of the progress report [default: DRAPERY_PROGRESS, the site file, or auto]
     #[arg(long, value_enum)]
     pub(crate) progress: Option<ProgressStyle>,
 }
@@ -199,8 +199,8 @@ pub(crate) struct RunArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
-    /// Where to resume when the folder holds a run of this shot: `auto` after its last good checkpoint, a frame number
-    /// after the checkpoint of that frame, `never` refuses such a folder
+    /// Checkpoint to resume from when the folder holds a run of this shot: `auto` is the last good one, a frame number
+    /// the one of that frame; `never` refuses such a folder
     #[arg(long, value_name = "auto|never|FRAME", default_value = "auto", value_parser = parse_resume)]
     #[arg(allow_hyphen_values = true)]
     pub(crate) resume: Resume,
@@ -345,7 +345,7 @@ pub(crate) struct StopArgs {
 pub(crate) struct DiffArgs {
     /// A cache (.abc or .h5), a stage of USD, a checkpoint, or the folder of a run
     pub(crate) a: PathBuf,
-    /// What it is compared with; caches may be of different formats and units
+    /// File or folder to compare with; caches may be of different formats and units
     pub(crate) b: PathBuf,
     /// Largest accepted distance between corresponding vertices, in metres; 0 accepts no difference
     #[arg(
@@ -401,7 +401,7 @@ pub(crate) struct SelftestArgs {
     pub(crate) json: bool,
 }
 
-/// How much is tested.
+/// Extent of the tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum HardTier {
     /// Up to 2000 triangles a case
@@ -435,7 +435,7 @@ pub(crate) struct StudyArgs {
     /// Scene file
     #[arg(required_unless_present = "from")]
     pub(crate) scene: Option<PathBuf>,
-    /// What to vary, for example cfl=4,2,1 cg_tolerance=1e-2,1e-4 thickness=x0.5 without=bending resolution=20,40, or any
+    /// Settings to vary, for example cfl=4,2,1 cg_tolerance=1e-2,1e-4 thickness=x0.5 without=bending resolution=20,40, or any
     /// key that --set takes; when left out, steps and solves, and one at a time what else costs time
     #[arg(long, value_name = "NAME=A,B", num_args = 1.., value_parser = parse_vary)]
     pub(crate) vary: Vec<(String, Vec<String>)>,
@@ -451,7 +451,7 @@ pub(crate) struct StudyArgs {
     /// Time that the study may take, for example 2m; run it again to resume it
     #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10m")]
     pub(crate) max_wall: Duration,
-    /// What a frame may take with the recommended setting, for example 10s/frame
+    /// Most time that a frame may take with the recommended setting, for example 10s/frame
     #[arg(long, value_name = "TIME/frame", value_parser = parse_frame_budget)]
     pub(crate) budget: Option<Duration>,
     /// Copies with perturbed start positions, which give the predictability horizon
@@ -482,7 +482,7 @@ pub(crate) struct StudyArgs {
     pub(crate) materials: MaterialsArgs,
 }
 
-/// How progress is reported.
+/// Style of the progress report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressStyle {
     /// A bar on a terminal, otherwise one line a frame
@@ -501,12 +501,12 @@ pub(crate) enum ProgressStyle {
     None,
 }
 
-/// How a run ends that SIGTERM has stopped.
+/// End of a run that SIGTERM has stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OnTerm {
-    /// With the exit code of a run that can be resumed
+    /// Exit with the code of a run that can be resumed
     Exit,
-    /// By the signal, for sites where that means that a person has ended it
+    /// Die of the signal, for sites where this means that a person has ended it
     Signal,
 }
 

@@ -1,5 +1,5 @@
-//! What flags, environment and site file say about a run. A flag wins over the environment, that over the site file,
-//! and that over the default; each value remembers who said it.
+//! Settings of a run, from flags, environment and site file. A flag wins over the environment, the environment over the site
+//! file, and the site file over the default. Each value keeps its source.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ const THREADS: [&str; 4] = ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS",
 const STOP_TIMES: [(&str, &str, Reason); 2] =
     [("DRAPERY_STOP_AT", "stop_at", Reason::StopAt), ("SLURM_JOB_END_TIME", "job_end", Reason::JobEnd)];
 
-/// Who has said something that no flag and no variable says.
+/// Sources of a value that neither a flag nor a variable gives.
 pub(crate) const SITE_FILE: &str = "site file";
 pub(crate) const DEFAULT: &str = "default";
 
@@ -61,7 +61,7 @@ fn first_of<T>(flag: Option<T>, name: &'static str, site: Option<T>, default: T)
     }
 }
 
-/// What surrounds the command: the environment and the site file.
+/// Environment variables and site file of the command.
 pub(crate) struct Environment {
     variable: fn(&str) -> Option<OsString>,
     /// The site file and who named it.
@@ -116,7 +116,7 @@ impl Environment {
         self.site.threads.map(|count| Resolved::new(usize::from(count.get()), SITE_FILE))
     }
 
-    /// Where files are found; the source is that of the folders of materials.
+    /// Returns the folders in which files are searched, with the source of the folders of materials.
     pub(crate) fn search(&self, flag: &MaterialsArgs) -> Resolved<SearchPaths> {
         let split = |text: &OsStr| -> Vec<PathBuf> {
             std::env::split_paths(text).filter(|path| !path.as_os_str().is_empty()).collect()
@@ -161,7 +161,7 @@ pub(crate) enum Limit {
     At(&'static str, Reason, SystemTime),
 }
 
-/// How a run is made.
+/// Settings of a run.
 #[derive(Debug)]
 pub(crate) struct RunSettings {
     pub(crate) progress: Resolved<ProgressStyle>,
@@ -174,7 +174,7 @@ pub(crate) struct RunSettings {
 }
 
 impl RunSettings {
-    /// Of everybody who may say something.
+    /// Chooses each setting among flags, environment, site file and default.
     pub(crate) fn choose(args: &RunSettingsArgs, around: &Environment) -> Result<Self, Failure> {
         let usage =
             |name: &str, text: &str, error: String| Failure::new(ExitCode::Usage, format!("{name}={text}: {error}"));

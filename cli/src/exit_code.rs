@@ -2,7 +2,7 @@
 
 use drapery_shot::fault::FaultKind;
 
-/// How the program ends; what is a fault has its number.
+/// Exit code of the program; a fault has its own number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ExitCode {

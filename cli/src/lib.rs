@@ -40,10 +40,10 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::patience::Patience;
 
-/// How the program ends.
+/// Exit of the program.
 struct Ended {
     code: u8,
-    /// By SIGTERM, once everything is done.
+    /// True if SIGTERM ends the program, once everything is done.
     by_term: bool,
 }
 
@@ -53,10 +53,10 @@ impl From<ExitCode> for Ended {
     }
 }
 
-/// How the command was started.
+/// Invocation of the command.
 #[derive(Debug, Clone)]
 pub struct Invocation {
-    /// What was typed, beginning with the name of the program.
+    /// Words of the command line, beginning with the name of the program.
     pub words: Vec<OsString>,
     /// A file that starts the command again, which `drapery selftest` does; `None` where none is found.
     pub program: Option<PathBuf>,
@@ -128,7 +128,7 @@ pub fn command_line() -> clap::Command {
     <Cli as clap::CommandFactory>::command()
 }
 
-/// What `drapery plan --json` says of a shot, but for threads and how a run would be made.
+/// Returns the JSON of `drapery plan --json` for a shot, without threads and settings of the run.
 pub fn plan_json(shot: &Shot) -> Value {
     commands::plan::of_shot(shot, None)
 }
@@ -155,8 +155,8 @@ fn explain(message: &clap::Error, words: &[OsString]) {
     }
 }
 
-/// How the program ends when what it printed counts: one that has done what it was asked for, and could not say so, has failed.
-/// Other ends stay: a run that stopped has to be continued all the same.
+/// Returns the exit of the program with its output taken into account: a command that has done its work and could not print the
+/// result has failed. Other exits stay, because a run that stopped has to be continued all the same.
 fn printed(ended: Ended) -> Ended {
     let done = [ExitCode::Done, ExitCode::Differences].map(|code| code as u8);
     match say::loss() {

@@ -1,6 +1,6 @@
-//! What becomes of a run of several processes when one of them is lost: a machine, a cable, a process that stands still. MPI waits
-//! for it without end, and so does every other rank. Its heartbeats tell; then this rank says who is gone and ends at once, wherever
-//! it is. The run continues from its last checkpoint.
+//! Loss of a rank in a run of several processes: a machine, a cable, a process that hangs. MPI waits for it without end, and so
+//! does every other rank. Heartbeats reveal the loss; then this rank reports the lost one and ends at once, wherever it is. The
+//! run resumes from its last checkpoint.
 
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ const DEFAULT_TIMEOUT: Duration = Duration::from_secs(30);
 /// Shortest time that is taken: what is shorter ends runs on loaded machines.
 const SHORTEST_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// How long rank 0 has to write down why it ends, and others wait for it. A disk behind the network may never answer.
+/// Longest time for rank 0 to write down why it ends, and for others to wait for it. A disk behind the network may never answer.
 const WRITES: Duration = Duration::from_secs(4);
 
 /// The folder of the run, once it is known.
@@ -80,7 +80,7 @@ impl Heart {
     }
 }
 
-/// What the variable says; only that of rank 0 counts.
+/// Reads the timeout from the variable, `None` for 0; only the variable of rank 0 counts.
 fn timeout() -> Result<Option<Duration>, Failure> {
     let text = std::env::var_os(TIMEOUT).unwrap_or_default().to_string_lossy().trim().to_owned();
     match text.as_str() {
@@ -162,7 +162,7 @@ esac"#;
 /// Scripts that may stand between the launcher and this process.
 const MOST_BETWEEN: usize = 3;
 
-/// How long a launcher may take to end by itself once its ranks have ended [s].
+/// Time for a launcher to end by itself once its ranks have ended [s].
 const LAUNCHER_SECONDS: &str = "10";
 
 /// Open MPI's launcher waits a quarter of an hour for a machine that is lost. A process that outlives this one ends it.

@@ -1,7 +1,7 @@
 //! Running out of memory: an exit code of its own, instead of the signal by which an allocation that fails ends a program.
 //!
-//! What the system refuses is known here. What it has promised and cannot keep ends the process by a signal that nobody can
-//! catch (137 in a shell): `drapery plan` says before how much a shot needs.
+//! An allocation that the system refuses is detected here. Memory that the system has promised and cannot supply ends the process
+//! by a signal that nobody can catch (137 in a shell). `drapery plan` reports beforehand how much memory a shot needs.
 
 #![allow(unsafe_code)] // A global allocator cannot be written without; this is the only place of the command.
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// When the first line is due, and how long until the next.
 const DUE: [Duration; 2] = [Duration::from_secs(4), Duration::from_secs(20)];
 
-/// What the program is at.
+/// Current activity of the program.
 static AT: Mutex<String> = Mutex::new(String::new());
 
 /// Says what the program is at from now on.

@@ -1,4 +1,4 @@
-//! What will be done: the scene with its files opened, and the folder of the run.
+//! Plan of a run: the scene with its files opened, and the folder of the run.
 
 use std::path::{Path, PathBuf};
 
@@ -75,7 +75,7 @@ fn of_preset(path: &Path) -> Result<Vec<(String, String)>, Failure> {
     Ok(preset::read(path)?)
 }
 
-/// Where a run of this shot goes when nobody says.
+/// Returns the default folder for a run of this shot.
 pub(crate) fn default_folder(shot: &Shot) -> PathBuf {
     PathBuf::from("out").join(shot.name())
 }

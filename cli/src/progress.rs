@@ -1,5 +1,5 @@
-//! What is shown while frames are computed: a bar on a terminal, a line a frame elsewhere, or the words that a farm's
-//! software looks for.
+//! Progress display while frames are computed: a bar on a terminal, a line a frame elsewhere, or the words that a farm's software
+//! looks for.
 
 use std::io::IsTerminal;
 

@@ -78,7 +78,7 @@ impl Heart {
 #[cfg(not(feature = "mpi"))]
 pub(crate) fn writes_into(_folder: &std::path::Path) {}
 
-/// What a rank other than 0 does; returns its exit code.
+/// Does the work of a rank other than 0; returns its exit code.
 pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {
     let requests = StopRequests::default();
     // What the settings say of exit codes is known to rank 0, which ends with them.

@@ -5,8 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What of the output could not be written for the first time, and why. A reader that has gone away (`drapery run … | head`) is no
-/// reason.
+/// First failure to write output, with its reason. A reader that has gone away (`drapery run … | head`) is no failure.
 static LOST: OnceLock<String> = OnceLock::new();
 
 /// Whether the loss was reported.
@@ -48,7 +47,7 @@ fn short(line: &str) -> String {
     format!("{start}[… {} bytes …]{end}", left_out.len())
 }
 
-/// What it is called where something is printed.
+/// Name of standard output in messages.
 pub(crate) const STANDARD_OUTPUT: &str = "standard output";
 
 /// Takes note of what became of something that was printed, or written to a log.

@@ -28,7 +28,7 @@ const HEARD: [(i32, Signal); 6] = [
     (SIGHUP, Signal::HangUp),
 ];
 
-/// How long a signal before the first step, and a second one, wait for the run to end at a state that it can continue from.
+/// Time for the run to end at a state that it can resume from: after a signal before its first step, and after a second signal.
 const PATIENCE: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(3)];
 
 /// The run asks for requests once before its first step; there is nothing to be saved then.
@@ -69,7 +69,7 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// How the program ends where the run does not ask for requests.
+/// Exit of the program where the run does not ask for requests.
 #[derive(Debug, Clone)]
 pub(crate) struct Unasked {
     /// Exit code.
@@ -125,7 +125,7 @@ mod tests {
     use drapery_shot::farm::stop::{Reason, Request};
     use std::time::{Duration, Instant};
 
-    /// What is asked for, once that is no longer what it was.
+    /// Polls until the request differs from `old`, for at most 20 s; returns the last request.
     fn poll_until_new(requests: &StopRequests, old: Option<Request>) -> Option<Request> {
         let deadline = Instant::now() + Duration::from_secs(20);
         while requests.poll(SystemTime::now()) == old && Instant::now() < deadline {

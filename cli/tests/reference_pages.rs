@@ -10,7 +10,7 @@ use clap::{Arg, ArgAction, Command};
 const VARIABLES: [(&str, &str); 18] = [
     ("DRAPERY_CONFIG", "the [site file](config.md), as `--config` does"),
     ("DRAPERY_MATERIALS", "folders of [material files](config.md), as `--materials` does"),
-    ("DRAPERY_PROGRESS", "how progress is reported, as `--progress` does"),
+    ("DRAPERY_PROGRESS", "style of the progress report, as `--progress` does"),
     (
         "DRAPERY_LOG",
         "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; overrides `--verbose`",
@@ -55,7 +55,7 @@ fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('<', "&lt;").replace('\n', " ")
 }
 
-/// How an argument is written.
+/// Returns the written form of an argument, with its short form and the name of its value.
 fn written(arg: &Arg) -> String {
     let names: Vec<&str> = arg.get_value_names().unwrap_or_default().iter().map(|name| name.as_str()).collect();
     let Some(long) = arg.get_long() else { return format!("`{}`", names.join(" ")) };
@@ -65,7 +65,7 @@ fn written(arg: &Arg) -> String {
     format!("{short}`--{long}{value}`")
 }
 
-/// What an argument means, with its words and its default.
+/// Returns the meaning of an argument, with its words and its default.
 fn meaning(arg: &Arg) -> String {
     let mut text = arg.get_help().map(ToString::to_string).unwrap_or_default();
     let words = arg.get_possible_values();

@@ -152,7 +152,7 @@ impl Garment {
         folder_of(&self.path(extension)).iter().for_each(|folder| remove_folder(folder).unwrap());
     }
 
-    /// What a reader sees now: the frames.
+    /// Returns the number of frames that a reader sees now.
     fn seen(&self, extension: &str) -> i64 {
         frames_seen(&self.path(extension))
     }

@@ -1,4 +1,4 @@
-//! What it costs to continue a long cache. Run by hand:
+//! Cost of continuing a long cache. Run by hand:
 //! `cargo test --release -p drapery-io --test cost_of_continuing -- --ignored --nocapture`
 
 use std::time::Instant;

@@ -48,7 +48,7 @@ fn converted(from: &Path, to: &Path) -> Result<Converted, IoError> {
     convert(&conversion, &mut |_| {})
 }
 
-/// Where a point of the turning quad is at a frame, and how fast [m, m/s; Y up].
+/// Returns the position and velocity of a point of the turning quad at a frame [m, m/s; Y up].
 fn expected(point: [f64; 2], frame: i64) -> (Vec3, Vec3) {
     let angle = (10.0 * (frame - 1) as f64).to_radians();
     let turn_rate = 10.0_f64.to_radians() * 24.0;

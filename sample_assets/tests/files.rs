@@ -1,4 +1,4 @@
-//! What the written files promise.
+//! Properties that the written files promise.
 
 use std::path::PathBuf;
 

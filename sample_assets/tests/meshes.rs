@@ -1,4 +1,4 @@
-//! What the generated meshes promise in the rest pose.
+//! Properties that the generated meshes promise in the rest pose.
 
 mod common;
 

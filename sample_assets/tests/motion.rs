@@ -1,4 +1,4 @@
-//! What the motion promises.
+//! Properties that the motion promises.
 
 use drapery_assets::mannequin::Mannequin;
 use drapery_assets::motion::{Channel, Motion, Pose};

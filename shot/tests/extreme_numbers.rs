@@ -220,7 +220,7 @@ fn keys_of(scene: &str) -> Vec<String> {
     found
 }
 
-/// What is wrong with what was made of a key with this value; nothing if it was refused with its place, or is within bounds.
+/// Returns the fault in the handling of a key with this value; `None` if it was refused with its place, or is within bounds.
 fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
     let place = format!("{key}={value}");
     // A number in a list is named by the key of the list.

@@ -69,7 +69,7 @@ fn shot() -> ShotDescription {
     ShotDescription { resolved: "# all settings\n".into(), ..described }
 }
 
-/// What became of a run: what rank 0 got, and how the others ended.
+/// End of a run: the result of rank 0, and the exit codes of the others.
 type Ended = (Result<RunReport, ShotError>, Vec<u8>);
 
 /// Runs a shot on so many ranks. `signalled` gets a signal to stop before it starts.

@@ -12,7 +12,7 @@ use drapery_core::geometry::distance::{closest_on_segments, closest_on_triangle}
 use drapery_tests::shared_data;
 use generate::{KINDS, Random};
 
-/// Which of the two questions.
+/// Kind of a query: edge against edge, or vertex against face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     EdgeEdge,

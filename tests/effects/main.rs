@@ -1,4 +1,4 @@
-//! What a scene does not ask for does not exist, and what it asks for does something.
+//! An effect does something if a scene asks for it, and does not exist otherwise.
 
 mod controls;
 mod sleeping;
@@ -22,7 +22,7 @@ const COUNTS_FAULTS: [&str; 2] = ["pins", "dihedral_bending"];
 /// Frames that a control runs.
 const FRAMES: usize = 6;
 
-/// What a scene comes to.
+/// Outcome of a scene.
 struct Outcome {
     summary: FrameSummary,
     positions: Vec<Vec3>,

@@ -29,7 +29,7 @@ pub(crate) struct Shot {
     pub(crate) frames: i64,
 }
 
-/// What a run leaves: its state, and what it says of every frame.
+/// Outcome of a run: its state, and the summary of every frame.
 type Outcome = (Snapshot, Vec<FrameSummary>);
 
 impl Shot {
@@ -162,7 +162,7 @@ fn a_hanging_sheet_with_springs_and_late_pins() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
-/// Where the vertices of the first garment are after three frames, by rank 0 of so many.
+/// Returns the positions of the vertices of the first garment after three frames [m], from rank 0 of so many.
 fn places(description: &SceneDescription, [ranks, threads]: [usize; 2]) -> Vec<Vec3> {
     let work = |communicator| {
         let ranks = Ranks::new(communicator);

@@ -1,4 +1,4 @@
-//! What each rank gets of a garment, against the garment as one rank has it.
+//! Piece of a garment on each rank, compared with the garment on one rank.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -19,7 +19,7 @@ const POWERS: [i32; 2] = [-1, 4];
 const POINTS: i32 = 16;
 const HIGHEST: f64 = 1.2;
 
-/// What is drawn: name, colour, integrator, damping ratio.
+/// Curves of the picture: name, colour, integrator, damping ratio.
 const CURVES: [(&str, &str, Integrator, f64); 5] = [
     ("long steps, ζ = 0", "#1c5fa8", Integrator::TrBdf2, 0.0),
     ("long steps, ζ = 0.1", "#2f8f4e", Integrator::TrBdf2, 0.1),

@@ -36,7 +36,7 @@ fn elastica(gamma: f64, n: usize) -> Vec<f64> {
     shoot(0.5 * (low + high)).1
 }
 
-/// How the triangles of a strip lie.
+/// Arrangement of the triangles of a strip.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     /// Squares with parallel diagonals, as quads of equal diagonals are cut.

@@ -401,7 +401,7 @@ impl Capstan {
         start(self.description(Self::RADIUS + gap))
     }
 
-    /// How far the weights have moved towards the heavier side: the mean of both.
+    /// Returns the displacement of the weights towards the heavier side [m], the mean of both.
     fn moved(simulation: &Simulation) -> f64 {
         let points = positions(simulation);
         let row = Self::CELLS + 1;

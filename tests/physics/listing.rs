@@ -43,7 +43,7 @@ fn scene() -> SceneDescription {
     description
 }
 
-/// What observers have seen on the way, and the state at the end. With `pauses` it stops and goes on at every state.
+/// Returns the observations on the way, and the state at the end. With `pauses` it stops and resumes at every state.
 fn observed(tracepoints: &[Tracepoint], ranks: usize, pauses: bool) -> (Vec<Observation>, Snapshot) {
     let seen = Arc::new(Mutex::new(Vec::new()));
     let work = |communicator| {

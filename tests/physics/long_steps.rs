@@ -39,7 +39,7 @@ fn oscillator(integrator: Integrator, omega: f64, damping_ratio: f64, [x, v]: [f
     [positions(&simulation)[0].y, velocities(&simulation)[0].y]
 }
 
-/// What a step makes of (ω x, v), as a matrix: its columns are what it makes of each alone.
+/// Returns the matrix by which a step changes (ω x, v): each column is the result of a step from one of the two alone.
 pub(crate) fn amplification(integrator: Integrator, omega: f64, damping_ratio: f64) -> nalgebra::Matrix2<f64> {
     let size = 1e-3;
     let [place, speed] =

@@ -89,7 +89,8 @@ fn a_map_of_one_value_is_the_number_times_that_value_to_the_last_bit() {
     assert_ne!(state_after(blown(1.0)), expected, "the numbers matter");
 }
 
-/// What [`blown`] has; elements take the place of springs, and layers take two.
+/// Returns the names of the maps that apply to [`blown`]. Maps of elements, which take the place of springs, are left out, and so
+/// is the map of layers, which take two sheets.
 fn of_one_sheet() -> impl Iterator<Item = &'static str> {
     let others = ["membrane", "membrane_damping", "grain_angle", "self_friction"];
     maps().map(|(map, _)| map.name).filter(move |name| !others.contains(name))
@@ -203,7 +204,7 @@ fn tapered(of: &str, held: usize) -> (SceneDescription, Vec<f64>) {
     (description, shares)
 }
 
-/// How far the last column of a strip has moved at rest [m].
+/// Returns the displacement of the last column of a strip at rest [m].
 fn end_of(description: SceneDescription, held: usize) -> Vec3 {
     let (first, columns) = (description.garments[0].mesh.points.clone(), STRIP[0] + held);
     let mut simulation = start(description);

@@ -73,7 +73,7 @@ fn swollen(mut description: SceneDescription, more: f64) -> SceneDescription {
     description
 }
 
-/// How much larger than at rest a piece of [`triangle`]s is.
+/// Returns the growth of a piece of [`triangle`]s, relative to its size at rest.
 fn swelling(simulation: &Simulation, piece: usize) -> f64 {
     let x = positions(simulation);
     let corners = &x[3 * piece..3 * piece + 3];

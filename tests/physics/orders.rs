@@ -1,5 +1,5 @@
-//! How fast errors fall: problems with known answers, at four step lengths or mesh densities and more. That a planted error of
-//! first order breaks such a slope is tested in `core/src/simulation/planted_errors.rs`.
+//! Orders of convergence: problems with known answers, at four step lengths or mesh densities and more. The test in
+//! `core/src/simulation/planted_errors.rs` shows that a planted error of first order breaks such a slope.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;

@@ -23,7 +23,7 @@ fn triangle(apex: f64, gravity: f64, stiffness: f64) -> SceneDescription {
 
 const MASS: f64 = 0.1;
 
-/// Where the apex comes to rest [m].
+/// Returns the height at which the apex comes to rest [m].
 fn rest(description: SceneDescription) -> f64 {
     let mut simulation = start(description);
     run(&mut simulation, 500);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::tree::{SourceFile, report, root, text_files};
 
-/// What a heading is called in a link: small letters, digits and hyphens.
+/// Returns the name of a heading in a link: small letters, digits and hyphens.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
     kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
@@ -45,7 +45,7 @@ fn cited(text: &str) -> Vec<(usize, String, String)> {
     found
 }
 
-/// What is wrong with the citations of a file. Code names pages from the root, a page also from its own folder.
+/// Returns the faults in the citations of a file. Code names pages from the root, a page also from its own folder.
 fn complaints(file: &SourceFile) -> Vec<String> {
     let own = root().join(&file.name);
     let complaint = |(line, page, anchor): (usize, String, String)| {

@@ -1,9 +1,9 @@
-//! What the solver promises by leaving out: files, environment, prints, clocks, orders of hash maps, stray small numbers.
+//! Bans on files, environment, prints, clocks, orders of hash maps and stray small numbers in the solver.
 
 use crate::tree::{SourceFile, report, rust_files};
 use drapery_tests::source_text::{code_only, small_numbers, without_tests};
 
-/// What may not appear in the solver, and why.
+/// Names that may not appear in the solver, each with the reason.
 const FORBIDDEN: [(&str, &str); 9] = [
     ("std::fs", "the solver reads and writes no files"),
     ("std::env", "the environment may not change a result"),

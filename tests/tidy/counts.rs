@@ -6,7 +6,7 @@ use drapery_shot::quality::LIMITS;
 use crate::tree::{SourceFile, report, root, rust_files};
 use drapery_tests::source_text::without_tests;
 
-/// How the page's tables of counts begin.
+/// First line of the page's tables of counts.
 const HEAD: &str = "| count | limit | meaning |";
 
 /// Folders of the code that counts.

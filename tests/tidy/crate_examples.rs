@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::tree::{report, root};
 
-/// What stands in for doc tests in crates that are linked by another language, and the words by which their pages name it.
+/// Crates that are linked by another language, each with the test that replaces doc tests, as its page names it.
 const NOT_IN_RUST: [(&str, &str); 2] =
     [("plugins/capi", "tests/c_programs.rs"), ("plugins/python", "plugins/python/tests/test_analysis.py")];
 

@@ -5,9 +5,6 @@ use crate::tree::rust_files;
 /// First words of free relatives, and of phrases that take the noun for granted.
 const BEGINNINGS: [&str; 11] = ["What", "How", "Of", "Those", "That", "Who", "Whom", "Whoever", "Where", "Which", "By"];
 
-/// Number of doc comments that still begin so. Lower it with each one that is rewritten.
-const LEFT: usize = 184;
-
 /// Text of a line of a doc comment.
 fn doc_text(line: &str) -> Option<&str> {
     let line = line.trim_start();
@@ -32,16 +29,11 @@ fn beginnings(text: &str) -> Vec<usize> {
 #[test]
 fn doc_comments_begin_with_the_noun_or_the_verb() {
     let files = rust_files();
-    let places: Vec<String> = files
+    let found: Vec<String> = files
         .iter()
         .flat_map(|file| beginnings(&file.text).into_iter().map(|number| format!("{}:{number}", file.name)))
         .collect();
-    let list = places.join("\n");
-    assert_eq!(
-        places.len(),
-        LEFT,
-        "doc comments that begin with {BEGINNINGS:?}; LEFT may only become smaller:\n{list}"
-    );
+    assert!(found.is_empty(), "doc comments that begin with {BEGINNINGS:?}:\n{}", found.join("\n"));
 }
 
 #[test]

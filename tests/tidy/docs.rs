@@ -66,7 +66,7 @@ fn as_path(mark: &str) -> Option<(&str, Option<&str>)> {
     Some((path, item))
 }
 
-/// What is wrong with a path in a page.
+/// Returns the fault of a path in a page, if there is one.
 fn complaint_about_path(path: &str, item: Option<&str>) -> Option<String> {
     if MADE.contains(&path) {
         return None;

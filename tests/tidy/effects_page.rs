@@ -83,7 +83,7 @@ fn asked_for(spec: &EffectSpec) -> String {
     }
 }
 
-/// What materials bring for an effect.
+/// Returns the settings that materials bring for an effect, if there are any.
 fn of_material(effect: &str) -> Option<&'static MaterialEffect> {
     EFFECTS.iter().find(|brought| brought.effect == effect)
 }

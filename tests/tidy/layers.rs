@@ -252,7 +252,7 @@ fn the_map_is_short_and_names_every_room_in_their_order() {
     }
 }
 
-/// How often code may name an effect as a text outside the effect's own room.
+/// Cap on the number of times that code names an effect as a text outside the effect's own room.
 const NAMES_OF_EFFECTS: usize = 29;
 
 #[test]

@@ -93,7 +93,7 @@ fn resolved<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
     }
 }
 
-/// What a schema may be: itself, or each of its alternatives but `null`.
+/// Returns the alternatives of a schema but `null`, or the schema itself if it has none.
 fn alternatives<'a>(root: &'a Value, schema: &'a Value) -> Vec<&'a Value> {
     let schema = resolved(root, schema);
     let choices = schema["anyOf"].as_array().or(schema["oneOf"].as_array());
@@ -164,7 +164,7 @@ fn section(root: &Value, path: &str, table: &Value) -> String {
     text
 }
 
-/// What may be written, in words.
+/// Returns the kinds of value that may be written, in words.
 fn kind(root: &Value, property: &Value) -> String {
     let mut words: Vec<String> = Vec::new();
     for choice in alternatives(root, property) {

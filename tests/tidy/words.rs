@@ -48,7 +48,7 @@ const RETIRED: &str = "Around Borders Care CatchUp Crew Fitted Follower HandingO
     crew foresee give_up give_way holders hopeless impose invite lay_down note_way rung take_back thinned told travellers visitors \
     wear";
 
-/// Those that have another meaning outside the solver: serde's visitors, an observer that has heard, rays that hit.
+/// Words that have another meaning outside the solver: serde's visitors, an observer that has heard, rays that hit.
 const RETIRED_IN_THE_SOLVER: &str = "AtHome ClothShare Visitor followers heard hits home homes inert is_home";
 
 /// The same in comments and pages, where a word alone may be plain English.
@@ -65,7 +65,7 @@ const RETIRED_PHRASES: [&str; 10] = [
     "same trouble",
 ];
 
-/// What makes plain English of a phrase that it follows: to be told apart, to be told to stop.
+/// Continuations that make plain English of a phrase: to be told apart, to be told to stop.
 const PLAIN: [&str; 3] = [" apart", " from", " to "];
 
 /// Pages that say how it was: decisions, and what has changed.
@@ -132,7 +132,7 @@ const HOME_MADE: [(&str, &str); 12] = [
     ("who said", "source"),
 ];
 
-/// Where texts for users stand: the program without what only tests hold, and their pages.
+/// Returns whether a file holds texts for users: code of the program without its tests, or a page for users.
 fn is_for_users(name: &str) -> bool {
     const PAGES: [&str; 6] =
         ["README.md", "docs/README.md", "docs/start/", "docs/howto/", "docs/guide/", "docs/reference/"];

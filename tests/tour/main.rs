@@ -1,6 +1,6 @@
 //! Runs the commands of the tour's pages and of the how-to pages, and looks for the lines that the pages show.
 //!
-//! How a page is read:
+//! Rules by which a page is read:
 //!
 //! * A fenced block with the info string `sh run` holds commands, one a line (a line that ends with `\` goes on in the next
 //!   one). Each begins with `drapery`, `mpirun … drapery` or `drapery-assets`, is run without a shell, and has to succeed. All commands of a page
@@ -212,7 +212,7 @@ fn the_page_of_stopping_and_continuing_tells_the_truth() {
     follow(PAGES[3]);
 }
 
-/// How-to pages without a scene that this test runs: another test does, or they ask for programs that are not here.
+/// Names of how-to pages without a scene that this test runs: another test does, or they ask for programs that are not here.
 const HOWTO_ELSEWHERE: [&str; 3] = ["README", "blender", "from_python"];
 
 #[test]

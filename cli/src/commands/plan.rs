@@ -38,7 +38,7 @@ pub(crate) fn plan(args: &PlanArgs, around: &Environment) -> Result<ExitCode, Fa
     Ok(ExitCode::Done)
 }
 
-/// What a frame costs, measured in a copy of the shot; `None` where nobody asks for it.
+/// Measures the cost of a frame in a copy of the shot; `None` without `--measure`.
 fn costs(args: &PlanArgs, around: &Environment, shot: &Shot) -> Result<Option<Costs>, Failure> {
     let Some(frames) = args.measure else { return Ok(None) };
     let trial = plan::shot(&args.scene, around, &Ranks::default())?;
@@ -163,7 +163,7 @@ fn bodies_json(shot: &Shot) -> Value {
     bodies.filter_map(of).collect()
 }
 
-/// What is said of a shot, whoever runs it.
+/// Returns the JSON of a plan, without threads and settings of the run, which depend on the caller.
 pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
     let timeline = shot.timeline();
     let scene = shot.simulation().scene();

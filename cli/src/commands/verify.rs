@@ -45,7 +45,8 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     Err(Failure::new(ExitCode::VerificationFailed, text))
 }
 
-/// What cannot be understood cannot be loaded either; a file that is not there is another matter.
+/// Returns a failed verification for an input that cannot be understood, because it cannot be loaded either. Other errors, such
+/// as a missing file, keep their exit codes.
 fn unusable(error: IoError) -> Failure {
     match error.kind() {
         IoErrorKind::BadInput if !matches!(error, IoError::NotAFile { .. }) => {

@@ -262,7 +262,7 @@ fn a_run_does_not_wait_for_a_pipe_in_the_place_of_one_of_its_files() {
     assert_eq!(drapery(folder.path(), &arguments).code, Some(0));
 }
 
-/// What a command says on standard error, and how it ends, when nothing can be written on standard output.
+/// Runs a command while nothing can be written on standard output.
 fn on_full_device(folder: &Path, arguments: &[&str]) -> Outcome {
     let full = File::options().write(true).open("/dev/full").unwrap();
     command(folder, arguments).stdout(full).output().expect("the command can be started").into()

@@ -1,4 +1,4 @@
-//! What the command says of scenes with files of USD.
+//! Messages of the command about scenes with files of USD.
 
 use std::fs;
 use std::path::Path;

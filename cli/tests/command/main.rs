@@ -19,7 +19,7 @@ use std::process::{Command, Output, Stdio};
 use drapery_selftest::bench::VARIABLES;
 use drapery_selftest::files::SHEET;
 
-/// What a command printed and how it ended.
+/// Output and exit code of a command.
 pub(crate) struct Outcome {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,

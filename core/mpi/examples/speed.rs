@@ -1,4 +1,4 @@
-//! How fast ranks speak with each other: as MPI processes under `mpirun`, else as two threads of this process.
+//! Speed of communication between ranks: as MPI processes under `mpirun`, else as two threads of this process.
 //!
 //! ```sh
 //! cargo build --release --package drapery-mpi --examples
@@ -12,7 +12,7 @@ use drapery_core::parallel::communicator::{Communicator, Expected, Message};
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_mpi::World;
 
-/// How often a measurement is repeated.
+/// Number of repetitions of a measurement.
 const TRIES: usize = 20;
 
 fn main() -> Result<(), String> {

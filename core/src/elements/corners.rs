@@ -10,8 +10,8 @@ use std::ops::Range;
 use crate::parallel::parts::Parts;
 use crate::parallel::simd4::Simd4;
 
-/// Which elements each own part evaluates, given the corners of each (local vertices): pairs of part and number of the
-/// element, ascending.
+/// Returns the elements that each own part evaluates, given the corners of each element (local vertices): pairs of part and
+/// number of the element, ascending.
 pub(crate) fn by_part<const N: usize>(
     parts: &Parts,
     elements: impl ExactSizeIterator<Item = [usize; N]>,

@@ -12,7 +12,7 @@ struct MergedNumber {
     number: u32,
 }
 
-/// What the vertex in a row gets of the one that it follows.
+/// Value that the vertex in a row takes from the vertex that it follows.
 struct MergedValue {
     row: u32,
     /// Position [m] or velocity [m/s].
@@ -34,7 +34,7 @@ pub enum VertexField {
 /// Values of the local vertices of a rank.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LocalValues<'a> {
-    /// What they are.
+    /// Field that the values belong to.
     pub(crate) field: VertexField,
     /// One for each local vertex.
     pub(crate) values: &'a [Vec3],

@@ -24,9 +24,9 @@ choice! {
 /// Lines of a step in which self-repulsion acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RepulsionPlace {
-    /// By impulses in B.2 and B.8, as in the paper.
+    /// Impulses in B.2 and B.8, as in the paper.
     Impulses,
-    /// By forces in the solves of B.1 and B.5.
+    /// Forces in the solves of B.1 and B.5.
     Solves,
 }
 

@@ -1,5 +1,4 @@
-//! What is simulated: plain data that anyone may fill in ([`SceneDescription`]), and its checked, immutable form
-//! ([`Scene`]).
+//! Scenes to simulate: plain data that anyone may fill in ([`SceneDescription`]), and its checked, immutable form ([`Scene`]).
 //!
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
@@ -310,7 +309,7 @@ pub const LARGEST_DENSITY: f64 = 1e6;
 /// ```
 #[derive(Debug)]
 pub struct Scene {
-    /// What it was made from, without the arrays of garments and pins.
+    /// Description that the scene was made from, without the arrays of garments and pins.
     pub(crate) description: SceneDescription,
     /// This rank's piece of each garment. Vertex v of it is the local vertex `parts.garment(g).start + v`.
     pub(crate) meshes: Vec<TriangleMesh>,
@@ -327,9 +326,9 @@ pub struct Scene {
     pub(crate) sewn: Vec<Sewn>,
     /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
     pub(crate) isolated: Option<Vec<u32>>,
-    /// Those of all ranks that go with another vertex in the output.
+    /// Vertices of all ranks that take no part and go with another vertex in the output.
     pub(crate) merged_vertices: Vec<MergedVertex>,
-    /// What was left out of the garments; on rank 0.
+    /// Warnings about elements of garments that take no part, and about single precision far from the origin; on rank 0.
     pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
     pub(crate) painted: Vec<PaintedMaps>,
@@ -356,7 +355,7 @@ pub(crate) struct Pinned {
     pub(crate) row: usize,
     /// Local vertex.
     pub(crate) vertex: u32,
-    /// Where it is attached to, if the description says so.
+    /// Point of a surface that it is attached to, if the description gives one.
     pub(crate) attachment: Option<SurfaceAttachment>,
 }
 
@@ -442,7 +441,7 @@ impl Scene {
         &self.merged_vertices
     }
 
-    /// What takes no part has no velocity.
+    /// Sets the velocities of isolated vertices to zero, halo included.
     fn stop_inert(&self, v: &mut [Vec3]) {
         if let Some(isolated) = &self.isolated {
             isolated.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());

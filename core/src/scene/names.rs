@@ -1,4 +1,4 @@
-//! What may be a name: one of which a file is made, in a folder of any system, and an object in that file.
+//! Rules for names. A name becomes the name of a file, in a folder of any system, and of an object in that file.
 
 /// Words that name devices on Windows, also before an ending; COM and LPT have a digit behind them.
 const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];

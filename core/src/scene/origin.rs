@@ -1,4 +1,4 @@
-//! Where a shot takes place: the origin from which positions are counted where single precision stores them.
+//! Origin of a shot: the point from which positions are counted where single precision stores them.
 //!
 //! Caches store single precision, and collisions keep a gap of a few of its roundings, so that what is stored does not cross.
 //! Counted from the origin of the world, a rounding 100 km away is 4 mm; counted from the middle of the cloth, it is what it is
@@ -21,9 +21,9 @@ const WORTH_SAYING: f64 = 0.1;
 type Bounds = [f64; 6];
 
 impl Scene {
-    /// What positions are counted from where single precision stores them, in caches and for the gap of collisions [m]: as the
-    /// description says, or the middle of all garments at the start in whole metres, if that is far from the origin of the
-    /// world. Fixed for the scene.
+    /// Returns the origin from which positions are counted where single precision stores them, in caches and for the gap of
+    /// collisions [m]. The description gives it, or else it is the middle of all garments at the start in whole metres, if that
+    /// is far from the origin of the world. Fixed for the scene.
     pub fn origin(&self) -> Vec3 {
         self.description.origin.unwrap_or_default()
     }
@@ -92,8 +92,8 @@ fn largest_rounding(bounds: &Bounds, origin: Vec3) -> f64 {
 /// area.
 const TAKEN_BY_ROUNDING: f64 = 16.0;
 
-/// Of a triangle without area whether it may have lost it where it was stored in single precision so far from the origin: how far
-/// [m], and how far apart the numbers there are [m].
+/// Returns the largest coordinate of a triangle without area [m], and the spacing of single-precision numbers there [m], if
+/// rounding to them may have taken its area; `None` otherwise.
 pub fn coarse_place(corners: [Vec3; 3]) -> Option<(f64, f64)> {
     let [a, b, c] = corners;
     let farthest = corners.iter().map(Vec3::amax).fold(0.0, f64::max);

@@ -11,7 +11,7 @@ pub struct Sewn {
     pub seam: usize,
     /// The two vertices.
     pub ends: [u32; 2],
-    /// How far apart they start [m].
+    /// Distance between the two vertices at the start [m].
     pub gap: f64,
 }
 

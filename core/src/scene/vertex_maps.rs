@@ -47,8 +47,8 @@ impl Scene {
         self.painted(garment, of).map_or(of_garment, |map| map.mean(vertices, of_garment))
     }
 
-    /// What turns a quantity of all garments into that of each local vertex: it is multiplied by the first number, and the second
-    /// is added. `None` if no garment has it painted.
+    /// Returns a factor and an offset for each local vertex: a quantity of all garments, multiplied by the factor and increased
+    /// by the offset, is the quantity of the vertex. `None` if no garment has it painted.
     pub(crate) fn painted_everywhere(&self, of: &str) -> Option<Vec<[f64; 2]>> {
         if self.painted.iter().all(|maps| !maps.contains_key(of)) {
             return None;

@@ -14,7 +14,7 @@ pub(crate) fn written<const N: usize>(values: [(&str, Option<SettingValue>); N])
 
 /// A type that one setting fills.
 pub trait Member: Sized {
-    /// What checked settings say under a name.
+    /// Reads the value under a name from checked settings.
     fn of(settings: &Settings, name: &str) -> Self;
 
     /// The value that a scene would write for it; `None` to leave it out.

@@ -41,7 +41,7 @@ pub struct Snapshot {
     pub sections: Vec<Section>,
 }
 
-/// What one part of the solver remembers.
+/// State of one part of the solver.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Section {
     /// Name: `state`, or that of the effect.
@@ -162,7 +162,7 @@ macro_rules! of_any_kind {
 }
 pub(crate) use of_any_kind;
 
-/// What a section holds, without the values.
+/// Outline of a section, without the values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SectionOutline {
     /// Name of the section.
@@ -173,7 +173,7 @@ pub struct SectionOutline {
     pub datasets: Vec<DatasetOutline>,
 }
 
-/// What an array is, without the values.
+/// Outline of an array, without the values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DatasetOutline {
     /// Name, unique within the section.
@@ -232,7 +232,7 @@ pub trait SnapshotSource {
 pub struct SnapshotError {
     /// Section that does not fit.
     pub section: String,
-    /// What is wrong with it.
+    /// Fault of the section.
     pub what: String,
 }
 

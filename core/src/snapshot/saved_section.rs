@@ -22,7 +22,7 @@ pub struct SectionId {
     pub version: u32,
 }
 
-/// What one part of the solver remembers on this rank.
+/// State of one part of the solver on this rank.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SavedSection {
     /// The section of a snapshot.

@@ -81,7 +81,7 @@ fn write_demo(mut archive: ArchiveWriter, frames: std::ops::Range<usize>, finish
     if finish { archive.finish(Durability::Synced) } else { Ok(()) }
 }
 
-/// What does not change from frame to frame.
+/// Writes the data that does not change from frame to frame.
 fn write_statics(archive: &mut ArchiveWriter, mesh: &PolyMeshWriter) -> Result<(), AlembicError> {
     let faces = ((SIDE - 1) * (SIDE - 1)) as i32;
     let (front, back): (Vec<i32>, Vec<i32>) = (0..faces).partition(|face| face % 4 < 2);

@@ -1,4 +1,4 @@
-//! What is written is read back, whatever the tree, the types and the order of repeated samples.
+//! Reading gives back all that was written, whatever the tree, the types and the order of repeated samples.
 
 use drapery_alembic::*;
 use tempfile::TempDir;

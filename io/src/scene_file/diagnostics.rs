@@ -15,7 +15,7 @@ pub struct SceneFileError {
     pub message: String,
     /// Remedy, if there is one to give.
     pub help: Option<String>,
-    /// Where; `None` when the file could not be read at all.
+    /// Place in the file; `None` when the file could not be read at all.
     pub location: Option<Location>,
     /// Whose fault it is; it decides the exit code of the command.
     pub kind: SceneErrorKind,

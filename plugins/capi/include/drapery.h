@@ -26,7 +26,7 @@
 #define DRAPERY_DONE 0
 
 /*
- What was asked for is not possible: a handle of another kind, a null pointer, a frame that the shot does not have.
+ The request is not possible: a handle of another kind, a null pointer, a frame that the shot does not have.
  */
 #define DRAPERY_USAGE 2
 
@@ -81,7 +81,7 @@
 #define DRAPERY_RUN_OVERWRITE 1
 
 /*
- What went wrong. Functions that can fail take the address of such a pointer as their last argument; it is set to null where
+ Error of a call. Functions that can fail take the address of such a pointer as their last argument; it is set to null where
  nothing went wrong. Null in its place is allowed: the code that is returned then says all.
  */
 typedef struct drapery_error drapery_error;
@@ -144,7 +144,7 @@ typedef void (*drapery_progress)(const struct drapery_frame_report *report,
 typedef bool (*drapery_cancel)(void *user);
 
 /*
- What was done to reach a frame.
+ Summary of the work done to reach a frame.
  */
 typedef struct drapery_summary {
     /*

@@ -1,4 +1,5 @@
-//! What C hands over: texts, arrays, and places for results. Null and what cannot be in memory are errors.
+//! Arguments from C: texts, arrays, and places for results. Null where a value is needed, and an array that cannot be in memory,
+//! are errors.
 
 use std::ffi::{CStr, c_char};
 

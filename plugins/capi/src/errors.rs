@@ -9,7 +9,7 @@ use drapery_shot::fault::{Fault, FaultKind};
 
 use crate::handles::{self, Object};
 
-/// What went wrong. Functions that can fail take the address of such a pointer as their last argument; it is set to null where
+/// Error of a call. Functions that can fail take the address of such a pointer as their last argument; it is set to null where
 /// nothing went wrong. Null in its place is allowed: the code that is returned then says all.
 pub struct drapery_error {
     _opaque: [u8; 0],
@@ -54,7 +54,7 @@ fn put(error: *mut *mut drapery_error, value: *mut drapery_error) {
     }
 }
 
-/// What a panic says.
+/// Returns the message of a panic.
 fn words(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words")

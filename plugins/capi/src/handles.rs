@@ -11,7 +11,7 @@ use drapery_shot::session::SavedState;
 use crate::errors::ErrorParts;
 use crate::simulation::Simulation;
 
-/// What is behind a handle.
+/// Object behind a handle.
 #[derive(Clone)]
 pub(crate) enum Object {
     Scene(Arc<Mutex<SceneSource>>),

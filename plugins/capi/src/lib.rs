@@ -45,7 +45,7 @@ pub const DRAPERY_ABI_VERSION: u32 = 1;
 /// Everything is as it was asked for.
 pub const DRAPERY_DONE: i32 = 0;
 
-/// What was asked for is not possible: a handle of another kind, a null pointer, a frame that the shot does not have.
+/// The request is not possible: a handle of another kind, a null pointer, a frame that the shot does not have.
 pub const DRAPERY_USAGE: i32 = 2;
 
 /// An input holds data that cannot be used.

@@ -23,7 +23,7 @@ pub struct drapery_simulation {
 /// call a function with the same simulation. `user` is what came with it.
 pub type drapery_cancel = Option<unsafe extern "C" fn(user: *mut c_void) -> bool>;
 
-/// What was done to reach a frame.
+/// Summary of the work done to reach a frame.
 #[derive(Clone, Copy, Default)]
 #[repr(C)]
 pub struct drapery_summary {
@@ -75,7 +75,7 @@ impl Simulation {
     }
 }
 
-/// What C calls a callback with, on whatever thread.
+/// Argument with which a callback of C is called, on any thread.
 #[derive(Clone, Copy)]
 pub(crate) struct User(pub(crate) *mut c_void);
 

@@ -1,4 +1,4 @@
-//! What a program looks at without a copy: arrays that live in a simulation.
+//! Views without a copy: arrays that live in a simulation.
 
 use std::ffi::{CString, c_char};
 use std::ptr;

@@ -17,7 +17,7 @@ use drapery_shot::session::Session;
 
 const HEADER: &str = "include/drapery.h";
 
-/// What version 1 of the interface promises, a line each. Members of structures are part of it.
+/// File of the declarations of version 1 of the interface, one a line. Members of structures are part of it.
 const ABI_1: &str = "tests/abi_1.txt";
 
 /// A cloth over a table that the program moves.
@@ -57,7 +57,8 @@ fn generated() -> String {
     text.replace("# Safety\n", "What the caller promises:\n")
 }
 
-/// What a header promises, each on a line with single blanks: codes, structures with their members, types and functions.
+/// Returns the declarations of a header, each on a line with single blanks: codes, structures with their members, types and
+/// functions.
 fn declarations(header: &str) -> BTreeSet<String> {
     let mut code = String::new();
     for (number, piece) in header.split("/*").enumerate() {
@@ -117,7 +118,7 @@ fn libraries() -> PathBuf {
     own.parent().expect("it lies in a folder").to_owned()
 }
 
-/// What a program that is linked to the static library needs besides.
+/// Returns the options that link the system libraries needed with the static library.
 fn system_libraries() -> Vec<String> {
     let found = Command::new("pkg-config").args(["--libs", "hdf5"]).output();
     let hdf5 = found.ok().filter(|output| output.status.success());
@@ -142,7 +143,7 @@ fn ends_well(command: &mut Command) -> String {
     out
 }
 
-/// Where the programs have the table at a frame [m].
+/// Returns the points of the programs' table at a frame [m].
 fn table(frame: i64) -> Vec<Vec3> {
     let y = -0.02 + 0.01 * (frame - 1001) as f64;
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];

@@ -1,14 +1,14 @@
-//! What never changes of a shot, and counts.
+//! Constant properties of a shot, and counts.
 
 use drapery_shot::rules::Warning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// What never changes of a shot.
+/// Constant properties of a shot.
 #[derive(Clone)]
 pub(crate) struct About {
     pub(crate) name: String,
-    /// Where the simulation starts, the first frame of the scene, and the last frame.
+    /// First frame of the simulation, first frame of the scene, and last frame.
     pub(crate) frames: [i64; 3],
     pub(crate) fps: f64,
     pub(crate) garments: Vec<String>,

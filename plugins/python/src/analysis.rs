@@ -1,4 +1,4 @@
-//! What is said of results: studies, verification of caches, and materials.
+//! Analysis: studies, verification of caches, and materials.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -50,7 +50,7 @@ pub(crate) fn verify_caches(
     Ok((found.facts, found.warnings, found.failures))
 }
 
-/// What is asked of a study.
+/// Request for a study, as Python hands it over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Request {
@@ -98,7 +98,7 @@ pub(crate) fn make_study(py: Python<'_>, scene: &Scene, request: Request, hear: 
     })
 }
 
-/// What follows from the record of a study, a file, as JSON.
+/// Analyses the record of a study, a file; returns what follows from it as JSON.
 #[pyfunction]
 pub(crate) fn study_of(py: Python<'_>, record: PathBuf) -> PyResult<String> {
     on_thread(py, |_| Ok(as_json(&Study::read(&record)?, record.parent().unwrap_or(Path::new("")))))

@@ -155,7 +155,7 @@ pub(crate) struct CacheWriter {
     velocities: bool,
 }
 
-/// What a writer is made of, as Python hands it over.
+/// Parameters of a writer, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Plan<'py> {

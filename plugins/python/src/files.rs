@@ -1,4 +1,4 @@
-//! What the command does with files: conversions, differences, reports, and what a file holds.
+//! Operations on files, as in the command: conversions, differences, reports, and contents of a file.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use crate::on_thread::on_thread;
 /// the units of the old one.
 type Written = ((i64, i64), usize, (&'static str, &'static str), Vec<String>, Vec<String>);
 
-/// What is to become of a cache, as Python hands it over.
+/// Request for a conversion of a cache, as Python hands it over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Request {
@@ -55,7 +55,7 @@ pub(crate) fn convert_cache(py: Python<'_>, request: Request) -> PyResult<Writte
     Ok(((first, last), points, (units.length.word(), axis(units.up)), left_out, doubts))
 }
 
-/// How far two caches, checkpoints or folders of runs are from each other, as JSON; an infinite distance is null.
+/// Distances between two caches, checkpoints or folders of runs, as JSON; an infinite distance is null.
 #[pyfunction(name = "diff")]
 pub(crate) fn diff_results(py: Python<'_>, a: PathBuf, b: PathBuf, tolerance: f64) -> PyResult<String> {
     on_thread(py, |_| Ok(json!(diff::compare(&a, &b, tolerance)?).to_string()))
@@ -67,7 +67,7 @@ pub(crate) fn write_report(py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf>
     on_thread(py, |_| Ok(report::write(&folder)?))
 }
 
-/// What a mesh or cache file holds, as JSON.
+/// Content of a mesh or cache file, as JSON.
 #[pyfunction]
 pub(crate) fn info(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     on_thread(py, |_| Ok(json!(formats::inspect(&path)?).to_string()))

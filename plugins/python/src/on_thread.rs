@@ -13,10 +13,10 @@ use pyo3::prelude::*;
 
 use crate::errors::raised;
 
-/// How often signals are looked for.
+/// Interval between checks for signals.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// What the main thread of a program has on Linux; a thread of the standard library has a quarter.
+/// Stack of the thread [bytes], as large as a main thread has on Linux; a thread of the standard library has a quarter.
 const STACK_BYTES: usize = 8 << 20;
 
 /// Something to be done by the thread that called.
@@ -96,7 +96,7 @@ pub(crate) fn on_thread<T: Send>(py: Python<'_>, work: impl FnOnce(&Caller) -> R
     })
 }
 
-/// What a panic says.
+/// Returns the message of a panic.
 fn words(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words")

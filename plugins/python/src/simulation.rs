@@ -67,7 +67,7 @@ fn number(names: &[String], name: &str, what: &str) -> PyResult<usize> {
     })
 }
 
-/// What was done to reach a frame.
+/// Returns the summary of a frame as a dictionary.
 fn summary_of<'py>(py: Python<'py>, summary: &FrameSummary) -> PyResult<Bound<'py, PyDict>> {
     let found = PyDict::new(py);
     found.set_item("frame", summary.frame)?;

@@ -1,4 +1,4 @@
-//! What a scene file holds, as Python has it: mappings, lists, texts and numbers.
+//! Content of a scene file, as Python has it: mappings, lists, texts and numbers.
 
 use std::collections::BTreeMap;
 
@@ -54,7 +54,7 @@ pub(crate) fn toml_of(content: BTreeMap<String, Value>) -> PyResult<String> {
     toml::to_string(&toml::Value::from(Value::Table(content))).map_err(|error| usage(error.to_string()))
 }
 
-/// What the text of a scene file holds.
+/// Content of a scene file, from its text.
 #[pyfunction]
 pub(crate) fn content_of(text: &str) -> PyResult<Value> {
     toml::from_str(text)

@@ -79,7 +79,7 @@ pub(super) fn differences(x: &Points, edges: bool) -> Vec<Point> {
     pairs.iter().map(|&[a, b]| sum(&[(1, x[a]), (-1, x[b])])).collect()
 }
 
-/// Where a query takes place: integers are moved and scaled without rounding.
+/// Position and size of a query: integers are moved and scaled without rounding.
 pub(super) struct Place {
     shift: i64,
     scale: f64,

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::mebibytes;
 
-/// What a frame costs, as frames have shown that were simulated for it.
+/// Cost of a frame, measured over frames that were simulated for it.
 pub(crate) struct Costs {
     pub(super) frame: FrameCost,
     /// Their number.
@@ -56,7 +56,7 @@ pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     text
 }
 
-/// What a frame takes: what is known beforehand, or measured.
+/// Returns the cost of a frame as text: measured, or as far as it is known beforehand.
 fn frame_text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     let Some(costs) = costs else {
         let PlannedSteps { steps, because, .. } = simulation.planned_steps();
@@ -70,7 +70,7 @@ fn frame_text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     format!("a frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n")
 }
 
-/// What a frame is expected to take, the longest part first.
+/// Returns the estimated time of a frame as text, the longest part first.
 fn estimate_text(estimate: &FrameEstimate) -> String {
     let parts: Vec<String> = by_time(estimate).map(|(name, seconds)| format!("{name} {}", about(seconds))).collect();
     let (total, iterations, parts) = (about(estimate.total()), estimate.iterations, parts.join(", "));
@@ -134,7 +134,7 @@ fn value_text(value: &SettingValue) -> String {
     }
 }
 
-/// Who says a setting, in the words of `resolved.toml`.
+/// Returns the source of a setting, in the words of `resolved.toml`.
 fn source<'a>(effect: &'a PlannedEffect, name: &str, origin: Origin) -> &'a str {
     match origin {
         Origin::Scene => effect.sources.get(name).map_or("scene", String::as_str),
@@ -207,7 +207,7 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
     })
 }
 
-/// What was expected beforehand, also where frames were measured.
+/// Returns the estimate made beforehand as JSON, also where frames were measured.
 fn estimate_json(estimate: &FrameEstimate) -> Value {
     let parts: serde_json::Map<String, Value> =
         by_time(estimate).map(|(name, seconds)| (name.to_owned(), json!(seconds))).collect();

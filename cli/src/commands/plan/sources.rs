@@ -1,4 +1,4 @@
-//! How a run would be made, and who says so.
+//! Settings of a planned run, each with its source.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -212,7 +212,7 @@ pub(in crate::scene_file) struct Maps {
 }
 
 impl Maps {
-    /// What is painted, and by which name.
+    /// The maps that the garment has, each by its key and name.
     pub(in crate::scene_file) fn written(&self) -> Vec<(String, String)> {
         // The names are those of the fields, which serde knows.
         let Ok(serde_json::Value::Object(all)) = serde_json::to_value(self) else { return Vec::new() };
@@ -243,11 +243,11 @@ pub(in crate::scene_file) struct Panel {
     /// Flat in the plane y = const, or bent along a parabola.
     #[serde(default)]
     pub(in crate::scene_file) shape: PanelShape,
-    /// Where the centre of its bounding box goes. Left out, with no rotation: one corner is at (0, 0.5, 0).
+    /// Position of the centre of its bounding box. Left out, with no rotation: one corner is at (0, 0.5, 0).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: Option<[f64; 3]>,
-    /// How it is turned about its centre.
+    /// Rotation about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rotation: Option<Rotation>,
 }
@@ -285,7 +285,7 @@ pub(in crate::scene_file) struct Disc {
     #[serde(default)]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: [f64; 3],
-    /// How it is turned about its centre.
+    /// Rotation about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rotation: Option<Rotation>,
 }
@@ -323,7 +323,7 @@ pub(in crate::scene_file) struct Tube {
     #[serde(default)]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: [f64; 3],
-    /// How it is turned about its centre.
+    /// Rotation about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rotation: Option<Rotation>,
 }
@@ -483,11 +483,11 @@ pub(in crate::scene_file) enum Region {
 }
 
 choice! {
-    /// How pinned vertices are bound to a body.
+    /// Binding of pinned vertices to a body.
     pub(in crate::scene_file) enum Bind {
-        /// By the JSON file, if it was made for a body of the same file name; otherwise to the nearest point.
+        /// As the JSON file says, if it was made for a body of the same file name; otherwise to the nearest point.
         Auto = "auto",
-        /// By the attachments of the JSON file.
+        /// To the attachments of the JSON file.
         File = "file",
         /// To the nearest point of the body's surface at the start.
         Nearest = "nearest",

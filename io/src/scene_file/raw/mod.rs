@@ -47,10 +47,10 @@ pub(in crate::scene_file) struct Document {
     /// Vertices that are drawn together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) seam: Vec<Seam>,
-    /// Which of the effects that the scene asks for run. Leave it out to run them all.
+    /// Choice among the effects that the scene asks for. Leave it out to run them all.
     #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
     pub(in crate::scene_file) effects: EffectChoice,
-    /// What is written.
+    /// Caches that are written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,
     /// Warnings before a run.
@@ -73,7 +73,7 @@ impl Check {
     }
 }
 
-/// Which of the effects that the scene asks for run; one of the two lists at most.
+/// Choice among the effects that the scene asks for; one of the two lists at most.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct EffectChoice {
@@ -107,7 +107,7 @@ pub(in crate::scene_file) struct Shot {
     /// Frames simulated before the first one.
     #[serde(default)]
     pub(in crate::scene_file) preroll: Preroll,
-    /// Where the shot takes place, [x, y, z]: caches count positions from there and say so by a transform. "auto" is the middle
+    /// Origin of the shot, [x, y, z]: caches count positions from there and say so by a transform. "auto" is the middle
     /// of the garments at their start in whole metres where that is farther than 1 km along an axis, and otherwise the origin.
     #[serde(default = "automatic_origin")]
     pub(in crate::scene_file) origin: Origin,
@@ -195,7 +195,7 @@ pub(in crate::scene_file) struct Spin {
     pub(in crate::scene_file) from: f64,
 }
 
-/// What is written.
+/// Caches that are written.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Output {
@@ -220,16 +220,16 @@ pub(in crate::scene_file) struct Output {
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,
-    /// Which faces garments are written with; render meshes keep theirs. "original" by default.
+    /// Faces that garments are written with; render meshes keep theirs. "original" by default.
     #[serde(skip_serializing_if = "is_original")]
     pub(in crate::scene_file) faces: Faces,
 }
 
-/// Which faces garments are written with.
+/// Faces that garments are written with.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::scene_file) enum Faces {
-    /// Those of their files, which renderers cut into triangles themselves, along either diagonal.
+    /// Faces of their files, which renderers cut into triangles themselves, along either diagonal.
     #[default]
     Original,
     /// The triangles that are simulated, so that what is rendered is what collided.

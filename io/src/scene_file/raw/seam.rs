@@ -18,7 +18,7 @@ pub(in crate::scene_file) struct Seam {
 }
 
 choice! {
-    /// How the two sides of a seam are paired.
+    /// Pairing of the two sides of a seam.
     pub(in crate::scene_file) enum Pairing {
         /// In order where both sides list their `vertices`, otherwise to the nearest.
         Auto = "auto",

@@ -136,9 +136,9 @@ def study(
     """Runs a scene with many settings and compares them with a converged run, as ``drapery study`` does, or resumes the study that the folder ``out`` holds.
 
     ``vary`` says what is varied, by the names that ``drapery study --vary`` takes, such as ``{"cfl": [4, 2, 1]}``; when left out,
-    steps and solves, and one at a time what else costs time. ``max_wall`` is what it may take [s], ``budget`` what a frame may
-    take with the recommended setting [s]. ``grid`` takes all combinations, ``latin`` so many of them. ``copies`` are runs with
-    shifted positions, ``repeats`` runs of every setting whose time is given.
+    steps and solves, and one at a time what else costs time. ``max_wall`` is what it may take [s], ``budget`` the most time
+    that a frame may take with the recommended setting [s]. ``grid`` takes all combinations, ``latin`` so many of them. ``copies``
+    are runs with shifted positions, ``repeats`` runs of every setting whose time is given.
 
     Ctrl-C ends it and is raised; what was run is in the folder, and called again it resumes. Raises SceneError, InputError,
     UsageError if there is too little time for one run, OutputError if the folder holds another study.

@@ -33,7 +33,7 @@ class DraperyError(Exception):
 
 
 class UsageError(DraperyError, ValueError):
-    """What was asked for is not possible: a garment or a frame that is not there, an array of a wrong shape."""
+    """The request is not possible: a garment or a frame that is not there, an array of a wrong shape."""
 
 
 class SceneError(DraperyError):

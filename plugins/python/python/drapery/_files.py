@@ -171,7 +171,7 @@ class Difference:
 
 
 def diff(a: PathLike, b: PathLike, tolerance: float = 0.0) -> Difference:
-    """How far two caches, checkpoints or folders of runs are from each other, as ``drapery diff`` says; of any format, unit and axis.
+    """Distances between two caches, checkpoints or folders of runs, as ``drapery diff`` says; of any format, unit and axis.
 
     ``tolerance`` is the distance that is allowed [m]. Raises InputError if one is missing, damaged, or not of the kind of the other.
     """
@@ -246,7 +246,7 @@ class FileInfo:
 
 
 def info(path: PathLike) -> FileInfo:
-    """What a mesh or cache file holds, as ``drapery info`` says. Raises InputError if it is missing or cannot be read."""
+    """Content of a mesh or cache file, as ``drapery info`` says. Raises InputError if it is missing or cannot be read."""
     found = json.loads(_native.info(os.fspath(path)))
     meshes = [MeshInfo(**_tuples(mesh)) for mesh in found["meshes"]]
     return FileInfo(found["format"], dict(found["properties"]), meshes, dict(found["others"]))

@@ -64,7 +64,7 @@ class SceneWarning:
 
 @dataclass(frozen=True)
 class Frame:
-    """What was done to reach a frame."""
+    """Summary of the work done to reach a frame."""
 
     frame: int
     """Its number."""
@@ -421,7 +421,7 @@ class Simulation:
 
     @property
     def summary(self) -> Frame | None:
-        """What was done to reach it; None at the start, and where a file was restored."""
+        """Summary of the work done to reach it; None at the start, and where a file was restored."""
         found = self._native.summary
         return None if found is None else Frame(**found)
 
