@@ -1,4 +1,4 @@
-"""What the choices of the method cost and bring: repulsion with history, both integrators and the presets, friction."""
+"""Costs and benefits of the choices of the method: repulsion with history, both integrators and the presets, friction."""
 
 import math
 
@@ -104,7 +104,7 @@ def incline(mu):
 
 
 def turning_ball():
-    """How far the spinning ball turns what lies on it."""
+    """Row of the table for the angle by which the spinning ball turns the cloth on it."""
     made = run(sample("spinning_ball", resolution=40), (0, 240))
     return ["whole step", made.steps, f"{made.simulated:.2f}", f"{turned(made):.0f}°", f"{45 * (len(made.frames) / 60.0 - 0.75):.0f}°",
             made.count("collision_hits"), made.count("zones"), made.crossings()]

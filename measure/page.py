@@ -12,7 +12,7 @@ from measure.runs import OPTIONS, ROOT
 
 
 def output(*command):
-    """What a command prints; "unknown" where it fails or is not there."""
+    """Output of a command; "unknown" where it fails or is not there."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     except OSError:

@@ -1,5 +1,7 @@
-"""What `drapery plan` expects a frame to cost, beside frames that are simulated. The numbers in core/src/simulation/estimate.rs are fitted
-to what this prints."""
+"""Cost of a frame as `drapery plan` expects it, beside the cost of simulated frames.
+
+The numbers in core/src/simulation/estimate.rs are fitted to this output.
+"""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What many ranks cost and bring, on the spinning ball and the folded stack."""
+"""Costs and benefits of many ranks, on the spinning ball and the folded stack."""
 
 import os
 import resource

@@ -186,7 +186,7 @@ def against(scene, frames, kinds):
 
 
 def plan(scene, settings=()):
-    """What `drapery plan` says of a scene."""
+    """Returns the answer of `drapery plan --json` for a scene."""
     path = scene
     if not isinstance(scene, Path):
         path = Path(tempfile.mkdtemp(dir=_FOLDER)) / "scene.toml"

@@ -1,4 +1,7 @@
-"""What self-contact costs: with both effects and without one, on the twister and the spinning ball; and where a frame's time goes."""
+"""Cost of self-contact on the twister and the spinning ball, with both effects and without one.
+
+Also the time of each part of a frame.
+"""
 
 import math
 

@@ -36,7 +36,7 @@ def shot(make, frames, bar, long=LONG, last=0):
 
 
 def growth(make, frames, most):
-    """How the cost of a frame grows with the triangles: slope of the line of least squares."""
+    """Returns the measurement of the exponent of a frame's cost in the triangles: slope of the line of least squares."""
 
     def measure():
         runs = [(math.log(n), against(make(cells), frames, [SHORT, LONG])) for n, cells in CELLS.items()]

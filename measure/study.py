@@ -1,5 +1,7 @@
-"""What `drapery study` prints of the spinning ball and of the dressed mannequin, and pictures of its pages. The machine should do nothing
-else meanwhile. Pictures need Chromium; without it they stay as they are."""
+"""Output of `drapery study` for the spinning ball and the dressed mannequin, and pictures of its pages.
+
+The machine should do nothing else meanwhile. Pictures need Chromium; without it they stay as they are.
+"""
 
 import os
 import shutil

@@ -138,7 +138,7 @@ def rate(cache):
 
 
 def loaded_wrongly(folder):
-    """What of a cache an application reads wrongly: its unit, its axis, its frame rate."""
+    """Rows for properties of a cache that an application reads wrongly: its unit, its axis, its frame rate."""
     for name, settings in (("run", []), ("other", ["shot.fps=25"])):
         ended(start(FLAG, "0-4", ["resolution=10", *settings], folder / name))
     cache, rows = folder / "run" / "flag.abc", []

@@ -21,11 +21,11 @@ PLATFORMS = {r"(many)?linux.*x86_64": "linux-x64", r"win_amd64": "windows-x64", 
 
 
 class Unusable(Exception):
-    """What was given makes no zip; the text says why."""
+    """The wheel makes no zip; the text says why."""
 
 
 def platform_of(wheel):
-    """What Blender calls the platform of a wheel. Raises `Unusable`."""
+    """Returns Blender's name for the platform of a wheel. Raises `Unusable`."""
     match = re.fullmatch(r"drapery-([^-]+)-(cp3\d+)-(abi3|cp3\d+)-(.+)\.whl", wheel.name)
     if not match:
         raise Unusable(f"{wheel.name} is no wheel of the solver: drapery-VERSION-cp310-abi3-PLATFORM.whl is wanted")

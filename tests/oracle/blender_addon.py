@@ -164,7 +164,7 @@ def said(found=None):
 
 
 def outline(thing):
-    """What must not change: everything of an object that Load has no business with."""
+    """Text of everything that Load must not change in an object, in the scene's frame and in the lists of the file."""
     bpy.context.scene.frame_set(FIRST)
     mesh = thing.data
     return repr((
@@ -234,7 +234,7 @@ def whole_path(folder):
 
 
 def problems(folder):
-    """What goes wrong before a simulation, one thing after the other; what the panel says."""
+    """Causes the problems before a simulation, one after the other; returns the texts of the panel."""
     answer = {}
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene

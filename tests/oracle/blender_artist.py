@@ -1,10 +1,10 @@
-"""What artists do in a session of Blender beside the straight path: seams, and all that scenes of real work have.
+"""Work of artists in a session of Blender beside the straight path: seams, and all features of scenes of real work.
 
     python blender_artist.py -- ACT FOLDER ZIP DRAPERY EXPORTER            (Blender as a Python module)
     blender --background --factory-startup --python blender_artist.py -- ACT …
 
-Installs the zip, does an act (a function below) in FOLDER, and writes the act's answer to FOLDER/ACT.json. EXPORTER stands for a Blender
-with Alembic, or is "none". Units are metres, and the cloth of all acts is small, so that each takes seconds.
+Installs the zip, does an act (a function below) in FOLDER, and writes the act's answer to FOLDER/ACT.json. EXPORTER stands for a
+Blender with Alembic, or is "none". Units are metres, and the cloth of all acts is small, so that each takes seconds.
 """
 
 import json
@@ -195,7 +195,7 @@ def seams():
 
 
 def bad_seams():
-    """What is wrong with seams, one thing after the other."""
+    """Sets up faulty seams, one after the other; returns the problems that `check` finds in each."""
     answer = {}
     shot()
     front, back = sewn_panels()
@@ -290,7 +290,7 @@ def panel_tube(name, bottom, turned=0, around=20, rows=4):
 
 
 def world(thing, frame):
-    """Where the vertices of an object are at a frame, as evaluated."""
+    """Positions of the vertices of an object in the world at a frame, as evaluated."""
     bpy.context.scene.frame_set(frame)
     shown = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
     return [list(shown.matrix_world @ vertex.co) for vertex in shown.data.vertices]
@@ -404,7 +404,7 @@ def hidden_bodies():
 
 
 def warned():
-    """What is said and does not stop, or stops, of modifiers, time and sizes."""
+    """Sets up modifiers, times and sizes that cause a warning or an error; returns the problems found in each."""
     answer = {}
     scene = shot()
     cloth = panel("cloth")
@@ -521,7 +521,7 @@ def names():
 
 
 def followed(live):
-    """What the panel shows once it has looked: state and lines, and whether Cancel can be pressed."""
+    """Updates the panel; returns whether Cancel can be pressed, the state and the lines."""
     live.follow(bpy.context.scene)
     live.tick()
     return [bpy.ops.scene.drapery_cancel.poll(), view().status and view().status.state, view().lines]

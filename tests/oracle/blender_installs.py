@@ -25,7 +25,7 @@ answer = {"version": list(bpy.app.version)}
 
 
 def install(archive):
-    """What dropping the zip on the window does; how it ended."""
+    """Installs the zip as dropping it on the window does; returns the result."""
     try:
         if EXTENSIONS:
             return sorted(bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True))
@@ -48,7 +48,7 @@ def remove():
 
 
 def left(timers=()):
-    """What of the add-on Blender holds."""
+    """Names of all parts of the add-on that Blender holds."""
     return [
         *(f"type {name}" for name in dir(bpy.types) if "drapery" in name.lower()),
         *(f"property {kind}" for kind in ("Object", "Scene") if hasattr(getattr(bpy.types, kind), "drapery")),

@@ -21,7 +21,7 @@ def package(*arguments):
 
 
 def exporter_in(folder):
-    """What stands for a Blender with Alembic: the module, called as a Blender is."""
+    """Writes a stand-in for a Blender with Alembic: it calls the module as a Blender is called."""
     path = folder / "blender_with_alembic"
     path.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
                     f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip

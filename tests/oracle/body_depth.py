@@ -1,4 +1,4 @@
-"""How deep cloth is inside a body, and where the body crosses itself, by libigl and ipctk."""
+"""Depth of cloth inside a body, and the places where the body crosses itself, by libigl and ipctk."""
 
 import igl
 import ipctk

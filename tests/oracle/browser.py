@@ -22,7 +22,7 @@ try { await answer({ result: await (async (given) => { SCRIPT })(GIVEN) }); } ca
 
 
 def evaluate(site, script, given, without=()):
-    """What `script`, the body of an asynchronous function of `given`, returns on a server of the folder `site`.
+    """Returns the result of `script`, the body of an asynchronous function of `given`, on a server of the folder `site`.
 
     Addresses that end with one of `without` are not found.
     """

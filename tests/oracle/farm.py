@@ -186,7 +186,7 @@ def copy(out, to):
 
 
 class Reader:
-    """What the official Alembic library and h5py find in the folder of a run."""
+    """Process that reads the folder of a run with the official Alembic library and h5py."""
 
     def __init__(self):
         command = [sys.executable, str(Path(__file__).resolve())]
@@ -210,7 +210,7 @@ class Reader:
 
 
 def assert_begin_like(found, whole):
-    """What a reader found of a run in progress is the beginning of the whole run; returns the frames in each cache."""
+    """Asserts that the caches found of a run in progress are the beginning of the whole run; returns the frames in each."""
     lengths = []
     for name, digests in found.items():
         if name in whole and "/" not in name:

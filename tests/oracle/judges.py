@@ -26,12 +26,12 @@ def ask(script, path, *arguments):
 
 
 def official(path, *object_path):
-    """What the official Alembic library reads from an archive."""
+    """Contents of an archive as the official Alembic library reads them."""
     return ask("official_alembic.py", path, *object_path)
 
 
 def blender(path, fps, frames):
-    """What Blender shows of an archive at the frames."""
+    """Contents of an archive at the frames as Blender shows them."""
     return ask("blender_import.py", path, fps, *frames)
 
 

@@ -14,7 +14,7 @@ from pxr import Tf, Usd, UsdGeom, UsdShade, UsdValidation
 
 
 def validate(stage):
-    """What all validators say, each of them loaded, as one line a complaint."""
+    """Complaints of all validators, each of them loaded, as one line a complaint."""
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(validators) >= 30, f"the library's validators are not there: {len(validators)}"
     errors = UsdValidation.ValidationContext(validators).Validate(stage)
@@ -22,7 +22,7 @@ def validate(stage):
 
 
 def complaints_about(mesh, time):
-    """What no validator looks at: faces, numbers of values, numbers that are none."""
+    """Complaints about faults that no validator looks for: in faces, in numbers of values, and values that are not finite."""
     found = []
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time))
     corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(time))

@@ -1,7 +1,7 @@
-"""What a scene does not ask for costs nothing: builds without the optional effects, and callgrind as the judge.
+"""Effects that a scene does not ask for cost nothing: builds without the optional effects, and callgrind as the judge.
 
-`DRAPERY_MICRO_SCENE` names an example of the ordinary build; `make test` sets it. What is compared with builds without the optional
-effects is part of `make test-full`; `DRAPERY_BARE` names the folder of `tests/build-bare.sh`.
+`DRAPERY_MICRO_SCENE` names an example of the ordinary build; `make test` sets it. Comparisons with builds without the optional
+effects are part of `make test-full`; `DRAPERY_BARE` names the folder of `tests/build-bare.sh`.
 """
 
 import os

@@ -42,7 +42,7 @@ def wheel_in(folder):
 
 
 def act(name, folder, archive, drapery, executable=None):
-    """What an act of blender_addon.py saw."""
+    """Runs an act of blender_addon.py; returns the arrays that it wrote."""
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(folder / "user"), "DRAPERY": drapery}
     command = [sys.executable, str(HERE / "blender_addon.py"), name, str(folder), str(archive), executable or "none"]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL)

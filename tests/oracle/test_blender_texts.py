@@ -1,4 +1,4 @@
-"""What the Blender add-on does without Blender: scene files, answers of the command, fabrics, the zip."""
+"""Work of the Blender add-on without Blender: scene files, answers of the command, fabrics, the zip."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""What `make build` leaves: a program without debug tables, and the tables beside it. And that measurements find their pages."""
+"""Output of `make build`: a program without debug tables, and the tables beside it. Also that measurements find their pages."""
 
 import importlib
 import subprocess

@@ -129,7 +129,10 @@ def crossing_cloth(points, cuts, vertices, body_cuts):
 
 
 def showing(folder):
-    """Of all frames: cloth triangles that meet the ball, middles of diagonals inside of it and the deepest of them [m]."""
+    """Numbers of cloth triangles that meet the ball and of middles of diagonals inside it, and the largest depth [m].
+
+    The numbers are sums over all frames.
+    """
     cache, (vertices, quads) = hdf5(folder / "out" / "sheet.h5"), ball(12)
     body_cuts = both_cuts(np.full(len(quads), 4), quads.ravel())
     cuts = both_cuts(cache["face_counts"], cache["face_indices"])
@@ -150,7 +153,7 @@ def verify(folder, *more):
 
 
 def other_diagonal(folder):
-    """What the record counts in each frame."""
+    """Lines of the record that count `other_diagonal`, by their frames."""
     lines = [json.loads(line) for line in (folder / "out" / "run.jsonl").read_text().splitlines()]
     return {line["frame"]: line for line in lines if line.get("other_diagonal")}
 

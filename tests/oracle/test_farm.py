@@ -1,4 +1,4 @@
-"""What docs/guide/farm.md promises to schedulers: scripts, signals, exit codes and the lines that they parse.
+"""Promises of docs/guide/farm.md to schedulers: scripts, signals, exit codes and the lines that they parse.
 
 The Slurm script runs against a stand-in (slurm_stand_in.py), not against Slurm.
 """

@@ -38,7 +38,7 @@ QUICK = {"DRAPERY_RANK_TIMEOUT": f"{TIMEOUT}s"}
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """What a run that nobody disturbs leaves."""
+    """Results of a run that nobody disturbs."""
     out = tmp_path_factory.mktemp("whole") / "out"
     Ranks(LONG, 1).run(out)
     return results(out)

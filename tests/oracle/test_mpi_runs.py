@@ -112,7 +112,7 @@ LONG = Shot(SAMPLES / "twister.toml", "0-14", resolution=40)
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """What a run that nobody disturbs leaves."""
+    """Results of a run that nobody disturbs."""
     out = tmp_path_factory.mktemp("whole") / "out"
     Ranks(LONG, 1).run(out)
     return results(out)

@@ -181,7 +181,7 @@ def inner_edges(surface):
 
 
 def fold_angles(x, surface, sides):
-    """How far edges are folded, 0 where they are flat [degrees]."""
+    """Angles by which edges are folded, 0 where they are flat [degrees]."""
     a, b, c = (x[surface[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

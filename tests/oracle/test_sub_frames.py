@@ -81,7 +81,7 @@ def test_velocities_are_the_differences_of_samples_the_better_the_closer_they_ar
     x, v = archive["positions"].astype(float), archive["velocities"].astype(float)
 
     def error(reach, span):
-        """By the samples so far before and behind each inner frame, which are so many frames apart."""
+        """Relative error of velocities from samples `reach` before and behind each inner frame, which are `span` frames apart."""
         at = np.arange(3, len(x) - 1, 3)
         seen = (x[at + reach] - x[at - reach]) * (FPS / span)
         return np.linalg.norm(seen - v[at]) / np.linalg.norm(v[at])

@@ -98,7 +98,7 @@ material = "cotton_shirting"
 
 
 def usd(stage, *prim):
-    """What Pixar's library reads from a stage."""
+    """Contents of a stage as Pixar's library reads them."""
     return ask("official_usd.py", stage, *prim)
 
 

@@ -1,6 +1,6 @@
-//! Doc comments begin with the noun or the verb.
+//! Doc comments and docstrings begin with the noun or the verb.
 
-use crate::tree::rust_files;
+use crate::tree::text_files;
 
 /// First words of free relatives, and of phrases that take the noun for granted.
 const BEGINNINGS: [&str; 11] = ["What", "How", "Of", "Those", "That", "Who", "Whom", "Whoever", "Where", "Which", "By"];
@@ -11,14 +11,24 @@ fn doc_text(line: &str) -> Option<&str> {
     line.strip_prefix("///").or_else(|| line.strip_prefix("//!")).map(str::trim)
 }
 
+/// Whether a text begins with one of [`BEGINNINGS`].
+fn is_free_relative(text: &str) -> bool {
+    text.split(|c: char| !c.is_alphabetic()).next().is_some_and(|word| BEGINNINGS.contains(&word))
+}
+
+/// Numbers of the lines on which a docstring of Python begins with one of [`BEGINNINGS`].
+fn docstrings(text: &str) -> Vec<usize> {
+    let opened = |line: &str| line.trim_start().strip_prefix("\"\"\"").is_some_and(is_free_relative);
+    (1..).zip(text.lines()).filter(|(_, line)| opened(line)).map(|(number, _)| number).collect()
+}
+
 /// Numbers of the lines on which a paragraph of a doc comment begins with one of [`BEGINNINGS`].
 fn beginnings(text: &str) -> Vec<usize> {
     let mut found = Vec::new();
     let mut is_inside = false;
     for (number, line) in (1..).zip(text.lines()) {
         let paragraph = doc_text(line).filter(|text| !text.is_empty());
-        let first = paragraph.and_then(|text| text.split(|c: char| !c.is_alphabetic()).next());
-        if !is_inside && first.is_some_and(|word| BEGINNINGS.contains(&word)) {
+        if !is_inside && paragraph.is_some_and(is_free_relative) {
             found.push(number);
         }
         is_inside = paragraph.is_some();
@@ -28,11 +38,15 @@ fn beginnings(text: &str) -> Vec<usize> {
 
 #[test]
 fn doc_comments_begin_with_the_noun_or_the_verb() {
-    let files = rust_files();
-    let found: Vec<String> = files
-        .iter()
-        .flat_map(|file| beginnings(&file.text).into_iter().map(|number| format!("{}:{number}", file.name)))
-        .collect();
+    let mut found = Vec::new();
+    for file in text_files() {
+        let lines = match file.name.rsplit_once('.') {
+            Some((_, "rs")) => beginnings(&file.text),
+            Some((_, "py")) => docstrings(&file.text),
+            _ => continue,
+        };
+        found.extend(lines.into_iter().map(|number| format!("{}:{number}", file.name)));
+    }
     assert!(found.is_empty(), "doc comments that begin with {BEGINNINGS:?}:\n{}", found.join("\n"));
 }
 
@@ -40,4 +54,6 @@ fn doc_comments_begin_with_the_noun_or_the_verb() {
 fn paragraphs_that_begin_with_a_free_relative_are_found() {
     let text = "//! What it does.\n//!\n//! Parts:\n//! What comes here goes on.\n\n    /// Number of steps.\n    ///\n    /// How many there are.\nfn f() {}\n/// Whatever.\n";
     assert_eq!(beginnings(text), [1, 8]);
+    let text = "\"\"\"Runs.\"\"\"\n\ndef f():\n    \"\"\"What it does.\n\n    How it does it.\n    \"\"\"\n";
+    assert_eq!(docstrings(text), [4]);
 }

@@ -20,7 +20,7 @@ def is_meant_as_link(text):
 
 
 def complaint(message):
-    """Where a link leads nowhere, or None for a message that is about something else."""
+    """Place and message of a link that leads nowhere; None for a message about something else."""
     if (message.get("code") or {}).get("code") != LINT:
         return None
     span = message["spans"][0]

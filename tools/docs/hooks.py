@@ -1,5 +1,5 @@
-"""What the pages have that MkDocs does not know: links to files of the repository, info strings of several words, and lists and
-tables that begin without an empty line.
+"""Features of the pages that MkDocs does not know: links to files of the repository, info strings of several words, and lists
+and tables that begin without an empty line.
 
 The pages are also read where the repository is hosted, so they link scenes, sources and licences by their paths. The book gets a
 copy of each file that is linked, under `files/`; a link to a file that does not exist is left to MkDocs, which refuses it.

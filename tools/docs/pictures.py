@@ -36,10 +36,11 @@ BODY = "body.abc"
 
 def shot(scene, frames, *, body=None, settings=(), shapes=(), hide=(), turn=30.0, label=None, window=None, blur=False,
          processes=1, stop_at=None):
-    """What a picture needs: a scene, the frames to show, the body's file or shapes to draw, and from where it is seen;
-    `label` is a text for all panels or one for each frame; `window` is the height that is seen and that of its middle [m],
-    where shots are to compare; a run that is stopped once
-    it has done the frame `stop_at` is resumed by the same command."""
+    """Description of a picture: a scene, the frames to show, the body's file or shapes to draw, and the direction of the view.
+
+    `label` is a text for all panels or one for each frame. `window` is the height that is seen and the height of its middle [m],
+    where shots are to compare. A run that is stopped once it has done the frame `stop_at` is resumed by the same command.
+    """
     return {"scene": scene, "frames": frames, "body": body, "settings": settings, "shapes": shapes, "hide": hide,
             "turn": turn, "label": label, "window": window, "blur": blur, "processes": processes, "stop_at": stop_at}
 

@@ -39,7 +39,7 @@ class VIEW3D_PT_drapery_too_old(bpy.types.Panel):
 
 
 def too_old(version):
-    """What is said of a version that is too old; empty if it is not."""
+    """Message for a version of Blender that is too old; empty if it is not."""
     if tuple(version) >= OLDEST:
         return ""
     return f"Drapery needs Blender 4.2 or later; this is {'.'.join(map(str, version))}"

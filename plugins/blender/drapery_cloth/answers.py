@@ -1,4 +1,4 @@
-"""What the command answers: problems of `check`, figures of `plan`, the state of `status`; nothing here knows Blender."""
+"""Answers of the command: problems of `check`, figures of `plan`, the state of `status`. Nothing here knows Blender."""
 
 import json
 import re
@@ -82,9 +82,10 @@ def warnings_of(answer):
 
 
 def warnings_of_log(log):
-    """What a run warned of, from the lines of its log; those that differ by numbers alone are one, with how many there were.
+    """Returns the warnings of a run from the lines of its log.
 
-    Counts that should stay zero are left out: `status` has them with their totals.
+    Messages that differ in numbers alone become one, with their count. Counts that should stay zero are left out:
+    `status` has them with their totals.
     """
     found = {}
     for line in log.splitlines():
@@ -108,7 +109,7 @@ def warning_of(messages):
 
 
 def plan_lines(answer):
-    """What `plan --json` says, for the panel: a few short lines."""
+    """Returns a few short lines for the panel from the answer of `plan --json`."""
     plan = json.loads(answer)
     lines = [f"Frames {plan['frames'][0]} to {plan['frames'][1]}"]
     for garment in plan["garments"]:
@@ -123,7 +124,7 @@ def plan_lines(answer):
 
 @dataclass
 class Status:
-    """How far a run is, from `drapery status --json`.
+    """Progress of a run, from `drapery status --json`.
 
     `state` is running, stopped, done, failed, killed, or silent: on a machine that was not heard of for minutes.
     """
@@ -142,7 +143,7 @@ class Status:
 
     @property
     def share(self):
-        """What is done, between 0 and 1."""
+        """Share of the frames that is done, between 0 and 1."""
         return self.done / self.total if self.total else 0.0
 
 

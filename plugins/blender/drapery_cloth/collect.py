@@ -26,7 +26,7 @@ def marked(scene, role):
 
 
 def division(thing):
-    """How many modifiers of a garment, from the top, shape what is simulated. The cache comes after them."""
+    """Number of modifiers of a garment, from the top, that shape the simulated mesh. The cache comes after them."""
     for index, modifier in enumerate(thing.modifiers):
         if modifier.name == CACHE:
             return index
@@ -55,7 +55,7 @@ def shot_name(scene):
 
 
 def run_folder(scene):
-    """Where the command puts the run when it is called in the scene folder, here and on a farm; None as `scene_folder`."""
+    """Folder of the run when the command is called in the scene folder, here and on a farm; None as `scene_folder`."""
     folder = scene_folder(scene)
     return folder and folder / "out" / shot_name(scene)
 
@@ -65,7 +65,7 @@ def within(number, span):
 
 
 def largest_strain(own):
-    """How far a garment stretches, as a share of its length; None where a material of the studio alone knows."""
+    """Largest strain of a garment, as a share of its length; None for a material that only the studio's files hold."""
     if own.own_strain:
         return own.strain / 100
     return next((fabric.strain / 100 for fabric in FABRICS if fabric.name == own.fabric), None)
@@ -97,7 +97,7 @@ class Collected:
         self.problems.append(Problem(message, help, thing and plain_name(thing.name), frame))
 
     def look(self):
-        """What can be told without evaluating anything."""
+        """Reports the problems that show without evaluating anything."""
         own, [first, last] = self.scene.drapery, frames(self.scene)
         if self.folder is None:
             self.say("The scene folder is relative to a file that was not saved yet", "save the file, or choose a folder")

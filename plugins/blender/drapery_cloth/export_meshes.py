@@ -70,7 +70,7 @@ def show(thing):
 
 
 def shear(matrix):
-    """How far the axes of a transform are from right angles: the largest cosine between two of them."""
+    """Largest cosine between two axes of a transform; 0 where all are at right angles."""
     axes = [column.normalized() for column in matrix.to_3x3().col]
     return max(abs(axes[i].dot(axes[j])) for i, j in ((0, 1), (1, 2), (2, 0)))
 
@@ -222,7 +222,7 @@ def weights_of(thing, source, name):
 
 
 def places_of(thing):
-    """Where the vertices of an object are in the world."""
+    """Positions of the vertices of an object in the world, as evaluated."""
     shown = evaluated(thing)
     return [tuple(shown.matrix_world @ vertex.co) for vertex in shown.data.vertices]
 

@@ -20,14 +20,14 @@ class CannotLoad(Exception):
 
 
 def cache_folder(scene):
-    """Where the caches are looked for; None where there is nowhere."""
+    """Folder in which the caches are looked for; None where the scene has none."""
     if scene.drapery.cache_folder:
         return Path(bpy.path.abspath(scene.drapery.cache_folder)).resolve()
     return run_folder(scene)
 
 
 def manifest_of(folder):
-    """What a run says of itself. Raises `CannotLoad`."""
+    """Reads the manifest of a run. Raises `CannotLoad`, also where no frame is done."""
     if folder is None:
         raise CannotLoad("Save the file first, or choose a scene folder")
     try:

@@ -163,7 +163,7 @@ class Free(Task):
 
 
 class Simulates(Free):
-    """What ends with a simulation."""
+    """Base of the operators that end with a simulation."""
 
     def ended_badly(self, view):
         # A run that the solver refuses to go on with is done, too.

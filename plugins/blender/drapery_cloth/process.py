@@ -13,7 +13,7 @@ class NoSolver(Exception):
 
 
 class Command:
-    """How the solver is called: the words of a command line and the environment."""
+    """Command line that starts the solver: its words and the environment."""
 
     def __init__(self, words, environment):
         self.words = words

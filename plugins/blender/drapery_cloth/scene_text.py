@@ -100,8 +100,10 @@ DRAG = 0.77, 0.02
 
 @dataclass
 class Shot:
-    """What a scene file says beside bodies and garments. `rate` is in frames per second; `wind` is the velocity of the air in
-    m/s, Y up, or None."""
+    """Contents of a scene file beside bodies and garments.
+
+    `rate` is in frames per second; `wind` is the velocity of the air [m/s], Y up, or None.
+    """
 
     name: str
     first: int

@@ -1,4 +1,4 @@
-"""What the artist sets: of the scene, of objects that are marked, and the preferences of the add-on."""
+"""Settings of the artist: of the scene, of objects that are marked, and the preferences of the add-on."""
 
 import bpy
 from bpy.props import (
@@ -115,7 +115,7 @@ class DraperyMap(bpy.types.PropertyGroup):
 
 @overridable
 class DraperyObject(bpy.types.PropertyGroup):
-    """What an object is for Drapery."""
+    """Role of an object in Drapery, and its settings."""
 
     role: EnumProperty(
         name="Role", default="NONE",

@@ -1,7 +1,8 @@
-"""Which vertex of a seam is sewn to which; nothing here knows Blender.
+"""Pairs of the vertices that a seam sews together. Nothing here knows Blender.
 
-Vertex groups have no order. Along the edges of the mesh they have one: a group that is a single line of edges, or a ring, is walked from
-one end to the other. In which direction the second side is walked, and where a ring begins, is what brings the pairs closest.
+Vertex groups have no order. Along the edges of the mesh they have one: a group that is a single line of edges, or a ring, is
+walked from one end to the other. The direction of the second side and the beginning of a ring are those that bring the pairs
+closest.
 """
 
 

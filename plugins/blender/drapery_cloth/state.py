@@ -1,4 +1,4 @@
-"""What lives while the add-on is registered: the work in progress and the pictures. Nothing of it survives `clear`."""
+"""Objects that live while the add-on is registered: the work in progress and the pictures. Nothing of them survives `clear`."""
 
 _live = {}
 

@@ -34,7 +34,7 @@ class Failed(Exception):
 
 
 class View:
-    """What the panel shows of a scene."""
+    """Contents of the panel for a scene."""
 
     def __init__(self):
         self.doing = ""
@@ -228,7 +228,7 @@ class Work:
         self.task = self.process = None
 
     def follow_export(self):
-        """How far the export is, from the last frame that it printed."""
+        """Updates the share of the export that is done, from the number of frames that it has printed."""
         view = self.views.setdefault(self.task_scene, View())
         frames = getattr(self.process, "frames", None)
         if not frames:

@@ -23,7 +23,7 @@ FACES = [[0, 1, 2, 3], [1, 0, 4], [2, 1, 4], [3, 2, 4], [0, 3, 4]]
 
 
 def table(frame: int) -> npt.NDArray[np.float64]:
-    """Where the table is at a frame [m]."""
+    """Vertices of the table at a frame, of the shape (5, 3) [m]."""
     y = -0.02 + 0.01 * (frame - 1001)
     return np.array([[-0.3, y, -0.3], [-0.3, y, 0.3], [0.3, y, 0.3], [0.3, y, -0.3], [0, -0.5, 0]])
 

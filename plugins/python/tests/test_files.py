@@ -1,4 +1,4 @@
-"""What the command does with files, from Python: convert, diff, report, info; and scenes that are read."""
+"""Work of the command on files, from Python: convert, diff, report, info; and scenes that are read."""
 
 import json
 import re

@@ -47,7 +47,7 @@ def start(path: Path, out: Path, limit: int = 0) -> "subprocess.Popen[str]":
 
 
 def caches(folder: Path) -> dict[str, bytes]:
-    """What a run has delivered, without what it has set aside; HDF5 files differ where they hold times."""
+    """Bytes of the caches that a run has delivered, without stale ones. HDF5 files are left out: the times in them differ."""
     kept = [path.relative_to(folder) for path in folder.rglob("*") if path.suffix in (".abc", ".usd", ".usda", ".usdc")]
     return {str(path): (folder / path).read_bytes() for path in kept if path.parts[0] != "stale"}
 

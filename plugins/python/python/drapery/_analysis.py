@@ -1,4 +1,4 @@
-"""What is said of results: studies, verification, and materials."""
+"""Studies, verification of caches, and materials."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class StudyRow:
     label: str
     """The setting in words."""
     settings: dict[str, str]
-    """What it sets, for ``Scene.load``."""
+    """Settings of the row, for ``Scene.load``."""
     seconds: float
     """Median time of a frame [s]."""
     spread: float
@@ -39,7 +39,7 @@ class StudyRow:
     largest_error: float | None
     """Largest distance of a vertex [m]."""
     validity: str | None
-    """What can be said of the error: ``Yes``, ``BelowFloor``, ``NotConverged`` or ``Unchecked`` (docs/guide/study.md)."""
+    """Validity of the error: ``Yes``, ``BelowFloor``, ``NotConverged`` or ``Unchecked`` (docs/guide/study.md)."""
     order: float | None
     """Order of convergence from the next coarser setting to this one."""
     on_front: bool
@@ -53,7 +53,7 @@ class StudyRow:
 
 
 class Study:
-    """What accuracy costs in time."""
+    """Accuracy and cost of the settings of a scene, as ``drapery study`` compares them."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         self._content = content
@@ -176,12 +176,12 @@ def read_study(record: PathLike) -> Study:
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found in caches."""
+    """Findings of ``verify`` in caches."""
 
     facts: list[str]
-    """What is good to know."""
+    """Facts that are good to know."""
     warnings: list[str]
-    """What some application may stumble over."""
+    """Points that some application may stumble over."""
     failures: list[str]
     """Rules that are broken."""
 
@@ -216,7 +216,7 @@ class Material:
     name: str
     """Its word in the scene."""
     summary: str
-    """What it is."""
+    """Description in a line."""
     density: float
     """Mass per area [kg/m²]."""
     thickness: float
@@ -242,7 +242,7 @@ class Material:
     friction: float
     """Coulomb friction against bodies."""
     provenance: str
-    """Where the numbers come from."""
+    """Source of the numbers."""
     path: Path | None
     """The file that it is of; None for a preset."""
 

@@ -1,4 +1,4 @@
-"""What is taken for an array, and how it is made one."""
+"""Types that are taken for arrays, and their conversion."""
 
 from __future__ import annotations
 

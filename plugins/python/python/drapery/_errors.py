@@ -1,4 +1,4 @@
-"""What can go wrong. Every exception says in its text what is wrong, where, and what to do, and has the parts as attributes."""
+"""Exceptions of the package. The text of each names the fault, the place and the remedy; its attributes hold the parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the command does with files: conversions, differences, reports, and what a file holds."""
+"""Work of the command on files: conversions, differences, reports, and the contents of a file."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Conversion:
     units: Units
     """Its unit and axis."""
     left_out: list[str]
-    """What the old cache holds of its meshes and the new one does not, a sentence each."""
+    """Contents of the old cache's meshes that the new cache lacks, a sentence each."""
     doubts: list[str]
-    """What is odd about the units of the old cache, a sentence each."""
+    """Doubts about the units of the old cache, a sentence each."""
 
 
 def convert(
@@ -83,12 +83,12 @@ def convert(
 
 @dataclass(frozen=True)
 class FrameDistance:
-    """How far the vertices of two caches are from each other at a frame."""
+    """Distance between the vertices of two caches at a frame."""
 
     frame: int
     """Its number."""
     behind: float
-    """How far behind it the sample is, in frames: 0 for the frame itself."""
+    """Time of the sample after the frame, in frames: 0 for the frame itself."""
     max: float
     """Largest distance between a vertex and its like [m]; infinite where a side holds no number."""
     rms: float
@@ -112,14 +112,14 @@ class WorstVertex:
     frame: int
     """Frame; that of the checkpoint, for one."""
     behind: float
-    """How far behind it the sample is, in frames."""
+    """Time of the sample after the frame, in frames."""
     distance: float
     """Distance [m]; infinite where a side holds no number."""
 
 
 @dataclass(frozen=True)
 class ArrayDifference:
-    """How an array of a checkpoint differs."""
+    """Difference between two checkpoints in an array."""
 
     name: str
     """Section and array: ``state/positions``."""
@@ -135,7 +135,7 @@ class ArrayDifference:
 
 @dataclass(frozen=True)
 class FileDifference:
-    """How far two files are from each other."""
+    """Difference between two files."""
 
     a: str
     """First file."""
@@ -144,7 +144,7 @@ class FileDifference:
     verdict: str
     """As of ``Difference``."""
     notes: list[str]
-    """What the two do not have in common, and differences that are no distances."""
+    """Contents that only one file has, and differences that are no distances."""
     worst: WorstVertex | None
     """The vertex that is farthest from its like, if any is away from it."""
     frames: list[FrameDistance] = field(repr=False)
@@ -155,14 +155,14 @@ class FileDifference:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two results are from each other."""
+    """Difference between two results."""
 
     verdict: str
     """The worst of all parts: ``byte-equal``, ``equal``, ``within-tolerance`` or ``differs``."""
     tolerance: float
     """Largest distance that was allowed [m]."""
     parts: list[FileDifference]
-    """What was compared with what."""
+    """Differences of the files, a pair each."""
 
     @property
     def same(self) -> bool:
@@ -233,12 +233,12 @@ class MeshInfo:
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What a file holds."""
+    """Contents of a file."""
 
     format: str
     """Its format."""
     properties: dict[str, str]
-    """Who wrote it, how it counts frames, and the like."""
+    """Properties of the file: its writer, its count of frames, and the like."""
     meshes: list[MeshInfo]
     """Its meshes."""
     others: dict[str, str]

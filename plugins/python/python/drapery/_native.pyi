@@ -1,4 +1,4 @@
-"""What the compiled module offers to the package; the package is what programs use."""
+"""Interface of the compiled module to the package. Programs use the package."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -51,9 +51,9 @@ class SceneWarning:
     rule: str | None
     """The rule that it comes from, by which a scene can silence it (docs/reference/warnings.md)."""
     object: str
-    """What it is about; empty where the message says it."""
+    """Object of the warning; empty where the message names it."""
     message: str
-    """What was found."""
+    """Finding in words."""
     line: str
     """The line to write in the scene; empty where the message says what to do."""
 
@@ -83,7 +83,7 @@ class Frame:
     max_strain: float
     """Relative change of the length of the most stretched edge."""
     counts: dict[str, int] = field(repr=False)
-    """What was counted, by the names of docs/reference/counts.md."""
+    """Counts of the frame, by the names of docs/reference/counts.md."""
 
 
 @dataclass(frozen=True)
@@ -101,14 +101,14 @@ class Progress:
     total: int
     """Frames in all."""
     seconds: float
-    """What it took [s]."""
+    """Time that the frame took [s]."""
     steps: int
     """Time steps; 0 for the frame at which the simulation starts."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a run wrote, in all its attempts."""
+    """Outcome, files and counts of a run over all its attempts."""
 
     outcome: str
     """``"done"``, ``"nothing to do"`` where all frames were there, or ``"stopped"`` where somebody stopped it from outside
@@ -118,17 +118,17 @@ class Report:
     frames: int
     """Frames delivered."""
     seconds: float
-    """What all frames took [s]."""
+    """Time that all frames took [s]."""
     files: list[Path]
     """The caches."""
     counts: dict[str, int] = field(repr=False)
-    """What was counted in all frames, by the names of docs/reference/counts.md."""
+    """Counts over all frames, by the names of docs/reference/counts.md."""
     exceeded: dict[str, int]
     """Counts that should have stayed zero, such as intersections in the caches."""
 
 
 class Plan(Mapping[str, Any]):
-    """What will run and why: ``drapery plan --json``, but for threads and what belongs to a run of the command."""
+    """Plan of a run with its reasons: ``drapery plan --json``, without threads and without the parts for a run of the command."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         self._content = content
@@ -257,7 +257,7 @@ class Scene:
         return self.shot()._validate()
 
     def plan(self) -> Plan:
-        """What will run and why. Raises what ``validate`` raises."""
+        """Returns the plan of a run with its reasons. Raises the errors of ``validate``."""
         return self.shot().plan()
 
     def shot(self, frames: tuple[int, int] | None = None) -> Shot:
@@ -314,7 +314,7 @@ class Shot:
 
     @property
     def warnings(self) -> list[SceneWarning]:
-        """What is possible but seldom meant."""
+        """Warnings of input that is possible but seldom meant."""
         return [SceneWarning(*parts) for parts in self._native.warnings]
 
     def _validate(self) -> list[SceneWarning]:
@@ -325,7 +325,7 @@ class Shot:
         return warnings
 
     def plan(self) -> Plan:
-        """What will run and why."""
+        """Returns the plan of a run with its reasons."""
         return Plan(json.loads(self._native.plan))
 
     def simulate(self) -> Simulation:
@@ -391,7 +391,7 @@ class Simulation:
 
     @property
     def start_frame(self) -> int:
-        """Where it starts, pre-roll included."""
+        """Frame at which the simulation starts, pre-roll included."""
         return self._native.frames[0]
 
     @property
