@@ -38,44 +38,49 @@ fn a_sheet_of_ten_thousand_vertices_that_is_struck_has_the_same_bits_on_ranks() 
     has_the_same_bits(&source, Some(3), &[[2, 1], [3, 1]], &["body_contacts", "repulsions", "retried_shorter"]);
 }
 
-/// Integrators and presets.
-const SOLVERS: [(&str, &str); 4] = [
-    ("solver.integrator", "semi_implicit"),
-    ("solver.preset", "preview"),
-    ("solver.preset", "production"),
-    ("solver.preset", "hero"),
-];
-
-/// A scene, with all integrators and presets, on many ranks and threads.
-fn has_the_same_bits_with_every_solver(name: &str, meets: &[&str]) {
-    for setting in SOLVERS {
-        let source = scene(name, &[setting]);
-        has_the_same_bits(&source, None, &[[2, 1], [3, 1], [4, 1], [7, 1], [2, 2]], meets);
-    }
+/// A scene with a setting of the solver has the same bits on many ranks and threads.
+fn has_the_same_bits_on_many_ranks(name: &str, setting: (&str, &str), meets: &[&str]) {
+    has_the_same_bits(&scene(name, &[setting]), None, &[[2, 1], [3, 1], [4, 1], [7, 1], [2, 2]], meets);
 }
 
-#[test]
-#[ignore = "long: part of make test-full"]
-fn struck_cloth_has_the_same_bits_with_every_solver() {
-    has_the_same_bits_with_every_solver("struck.toml", &["body_contacts", "repulsions", "collision_hits"]);
+/// Tests of a scene, one for each integrator and preset: each takes 5 to 30 minutes.
+macro_rules! same_bits_with_every_solver {
+    ($($kind:ident: $scene:literal meets $meets:expr;)*) => {$(
+        mod $kind {
+            use super::has_the_same_bits_on_many_ranks;
+
+            #[test]
+            #[ignore = "long: part of make test-full"]
+            fn semi_implicit() {
+                has_the_same_bits_on_many_ranks($scene, ("solver.integrator", "semi_implicit"), &$meets);
+            }
+
+            #[test]
+            #[ignore = "long: part of make test-full"]
+            fn preview() {
+                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "preview"), &$meets);
+            }
+
+            #[test]
+            #[ignore = "long: part of make test-full"]
+            fn production() {
+                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "production"), &$meets);
+            }
+
+            #[test]
+            #[ignore = "long: part of make test-full"]
+            fn hero() {
+                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "hero"), &$meets);
+            }
+        }
+    )*};
 }
 
-#[test]
-#[ignore = "long: part of make test-full"]
-fn stacked_cloth_has_the_same_bits_with_every_solver() {
-    has_the_same_bits_with_every_solver("stacked.toml", &["body_contacts", "repulsions"]);
-}
-
-#[test]
-#[ignore = "long: part of make test-full"]
-fn pinched_cloth_has_the_same_bits_with_every_solver() {
-    has_the_same_bits_with_every_solver("pinched.toml", &["body_contacts", "body_pinched", "repulsions"]);
-}
-
-#[test]
-#[ignore = "long: part of make test-full"]
-fn sliding_cloth_has_the_same_bits_with_every_solver() {
-    has_the_same_bits_with_every_solver("sliding.toml", &["body_contacts", "repulsions"]);
+same_bits_with_every_solver! {
+    struck: "struck.toml" meets ["body_contacts", "repulsions", "collision_hits"];
+    stacked: "stacked.toml" meets ["body_contacts", "repulsions"];
+    pinched: "pinched.toml" meets ["body_contacts", "body_pinched", "repulsions"];
+    sliding: "sliding.toml" meets ["body_contacts", "repulsions"];
 }
 
 /// The state of a scene at a frame. A run that `stops` does so at the first state after an attempt with shorter steps, which other
