@@ -43,35 +43,25 @@ fn has_the_same_bits_on_many_ranks(name: &str, setting: (&str, &str), meets: &[&
     has_the_same_bits(&scene(name, &[setting]), None, &[[2, 1], [3, 1], [4, 1], [7, 1], [2, 2]], meets);
 }
 
-/// Tests of a scene, one for each integrator and preset: each takes 5 to 30 minutes.
+/// A test of a scene with a setting of the solver, which takes 5 to 30 minutes.
+macro_rules! same_bits {
+    ($solver:ident, $setting:expr, $scene:literal, $meets:expr) => {
+        #[test]
+        #[ignore = "long: part of make test-full"]
+        fn $solver() {
+            super::has_the_same_bits_on_many_ranks($scene, $setting, &$meets);
+        }
+    };
+}
+
+/// Tests of each scene, one for each integrator and preset.
 macro_rules! same_bits_with_every_solver {
     ($($kind:ident: $scene:literal meets $meets:expr;)*) => {$(
         mod $kind {
-            use super::has_the_same_bits_on_many_ranks;
-
-            #[test]
-            #[ignore = "long: part of make test-full"]
-            fn semi_implicit() {
-                has_the_same_bits_on_many_ranks($scene, ("solver.integrator", "semi_implicit"), &$meets);
-            }
-
-            #[test]
-            #[ignore = "long: part of make test-full"]
-            fn preview() {
-                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "preview"), &$meets);
-            }
-
-            #[test]
-            #[ignore = "long: part of make test-full"]
-            fn production() {
-                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "production"), &$meets);
-            }
-
-            #[test]
-            #[ignore = "long: part of make test-full"]
-            fn hero() {
-                has_the_same_bits_on_many_ranks($scene, ("solver.preset", "hero"), &$meets);
-            }
+            same_bits!(semi_implicit, ("solver.integrator", "semi_implicit"), $scene, $meets);
+            same_bits!(preview, ("solver.preset", "preview"), $scene, $meets);
+            same_bits!(production, ("solver.preset", "production"), $scene, $meets);
+            same_bits!(hero, ("solver.preset", "hero"), $scene, $meets);
         }
     )*};
 }
