@@ -485,7 +485,7 @@ pub(in crate::scene_file) enum Region {
 choice! {
     /// Binding of pinned vertices to a body.
     pub(in crate::scene_file) enum Bind {
-        /// As the JSON file says, if it was made for a body of the same file name; otherwise to the nearest point.
+        /// To the attachments of the JSON file, if it was made for a body of the same file name; otherwise to the nearest point.
         Auto = "auto",
         /// To the attachments of the JSON file.
         File = "file",
