@@ -36,9 +36,6 @@ class Case:
     settings: dict = field(default_factory=dict)
 
 
-# The first run of today's program.
-ONE_THREAD = "1 thread"
-
 CASES = {
     "hanging_sheet": Case(SAMPLES / "hanging_sheet.toml", 1001, 1003, 1006),
     "bias_cut": Case(SAMPLES / "bias_cut.toml", 0, 1, 2, {"resolution": 16}),
@@ -118,42 +115,47 @@ def digests(out, by_arrays):
     return {str(path.relative_to(out)): of_path(path) for path in found}
 
 
-def repetitions(case, earlier, today):
-    """The runs of today's program that have to give the same results; each is called with a folder."""
-    yield ONE_THREAD, lambda out: run(today, case, out, case.last)
+def repetitions(case, earlier, today, resumes):
+    """The runs of today's program that have to give the same results as its first one; each is called with a folder. `resumes` are
+    options of the runs that resume from a checkpoint of the earlier program."""
     yield "4 threads", lambda out: run(today, case, out, case.last, threads=4)
     for ranks in (2, 4, 7):
         yield f"{ranks} ranks", lambda out: run(today, case, out, case.last, ranks=ranks)
 
-    def resumed(first_program):
+    def resumed(first_program, options):
         def both(out):
             run(first_program, case, out, case.middle)
-            has_changed = solver_of(out) != solver_of(out.parent / ONE_THREAD)
-            run(today, case, out, case.last, threads=3, options=["--resume-with-changes"] if has_changed else [])
+            run(today, case, out, case.last, threads=3, options=options)
         return both
 
-    yield "a stop and a resume", resumed(today)
-    yield "a stop of the earlier program and a resume", resumed(earlier)
+    yield "a stop and a resume", resumed(today, [])
+    yield "a stop of the earlier program and a resume", resumed(earlier, resumes)
 
 
 def compare(name, case, earlier, today):
     """Whether all results of a case are the same; says which are not."""
-    same = True
     with tempfile.TemporaryDirectory() as folder:
-        before = Path(folder) / "earlier"
+        before, alone = Path(folder) / "earlier", Path(folder) / "1 thread"
         run(earlier, case, before, case.last)
-        for what, make in repetitions(case, earlier, today):
-            out = Path(folder) / what
-            make(out)
-            by_arrays = solver_of(before) != solver_of(Path(folder) / ONE_THREAD)
-            expected, found = digests(before, by_arrays), digests(out, by_arrays)
+        run(today, case, alone, case.last)
+        by_arrays = solver_of(before) != solver_of(alone)
+        expected = digests(before, by_arrays)
+
+        def judge(out):
+            found = digests(out, by_arrays)
             # Checkpoints before a stop know how long the caches of the shorter range are.
-            early = {f"checkpoints/frame_{frame:05}.h5" for frame in range(case.first, case.middle) if "stop" in what}
+            early = {f"checkpoints/frame_{frame:05}.h5" for frame in range(case.first, case.middle) if "stop" in out.name}
             files = (expected.keys() | found.keys()) - early
             differing = sorted(file for file in files if expected.get(file) != found.get(file))
             if differing:
-                same = False
-                print(f"{name}, {what}: {len(differing)} of {len(expected)} files differ: {', '.join(differing[:4])}", flush=True)
+                print(f"{name}, {out.name}: {len(differing)} of {len(expected)} files differ: {', '.join(differing[:4])}", flush=True)
+            return not differing
+
+        same = judge(alone)
+        for what, make in repetitions(case, earlier, today, ["--resume-with-changes"] if by_arrays else []):
+            out = Path(folder) / what
+            make(out)
+            same &= judge(out)
     print(f"{name}: {len(expected)} files {'the same' if same else 'NOT the same'}", flush=True)
     return same
 
