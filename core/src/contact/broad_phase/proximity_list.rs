@@ -2,7 +2,7 @@
 //!
 //! Each node has a *reach*. As long as no node is farther than its reach from where it was when the list was made, every
 //! pair within touching distance is in the list, and for each pair of it the distance then, less what its nodes have moved,
-//! bounds the distance now. Most pairs are dismissed by that bound alone (`docs/theory/self_contact.md#what-is-near`). Motion
+//! bounds the distance now. Most pairs are dismissed by that bound alone (`docs/theory/self_contact.md#the-proximity-list`). Motion
 //! that all nodes have in common does not count.
 //!
 //! Every rank that owns a node of a pair holds the pair, with the same entry.

@@ -96,7 +96,7 @@ fn numbered(crossing: &Crossing, of_edge: impl Fn(u32) -> u32, of_triangle: impl
 }
 
 /// The pairs of points, triangles and edges that may pass through each other because an edge crosses a triangle: its ends
-/// with the triangle, and the edge with the triangle's edges (`docs/theory/self_contact.md#crossings-that-are-there`).
+/// with the triangle, and the edge with the triangle's edges (`docs/theory/self_contact.md#existing-intersections`).
 /// Ascending.
 pub(crate) fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
     let mut pairs = Vec::new();
