@@ -50,7 +50,8 @@ fn section(spec: &EffectSpec) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "| `{}` | {unit} | {default} | {range} | {} |", field.name, field.help);
     }
-    for field in spec.fields.iter().filter(|field| !matches!(field.default, Default::Flag(_))) {
+    // Lists take numbers alone.
+    for field in spec.fields.iter().filter(|field| field.default.is_number()) {
         let others = field.dimension.units()[1..].iter().map(|(name, _)| *name);
         let names: Vec<&str> = others.filter(|name| *name != "%").collect();
         if !names.is_empty() {
