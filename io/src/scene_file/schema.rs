@@ -103,10 +103,10 @@ fn sentence(help: &str) -> String {
 fn field(field: &Field) -> Value {
     let units: Vec<&str> = field.dimension.units().iter().map(|u| u.0).filter(|u| !u.is_empty()).collect();
     // Lists take numbers alone, in the SI unit.
-    let unit = match (field.dimension, field.default) {
-        (Dimension::None, _) | (_, Default::Keys) => String::new(),
-        (_, Default::Vector(_) | Default::RequiredVector) => format!(" In {}.", units[0]),
-        _ => format!(" Units: {}.", units.join(", ")),
+    let unit = match field.dimension {
+        Dimension::None => String::new(),
+        _ if field.default.is_number() => format!(" Units: {}.", units.join(", ")),
+        _ => format!(" In {}.", units[0]),
     };
     let number = json!({ "type": ["number", "string"] });
     let mut form = match field.default {
