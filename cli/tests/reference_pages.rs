@@ -13,7 +13,8 @@ const VARIABLES: [(&str, &str); 18] = [
     ("DRAPERY_PROGRESS", "style of the progress report, as `--progress` does"),
     (
         "DRAPERY_LOG",
-        "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; overrides `--verbose`",
+        "levels of the log on standard error, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; counts only \
+         without `--verbose` and `--quiet`",
     ),
     ("DRAPERY_STOP_AT", "when the run is to have stopped at a checkpoint, in seconds since 1970"),
     (

@@ -43,7 +43,7 @@ fn has_the_same_bits_on_many_ranks(name: &str, setting: (&str, &str), meets: &[&
     has_the_same_bits(&scene(name, &[setting]), None, &[[2, 1], [3, 1], [4, 1], [7, 1], [2, 2]], meets);
 }
 
-/// A test of a scene with a setting of the solver, which takes 5 to 30 minutes.
+/// A test of a scene with a setting of the solver, which takes 5 to 40 minutes.
 macro_rules! same_bits {
     ($solver:ident, $setting:expr, $scene:literal, $meets:expr) => {
         #[test]
