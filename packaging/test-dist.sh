@@ -49,7 +49,7 @@ try() { "${inside[@]}" "$@" >log 2>&1 || fail "in an empty root: $*: $(cat log)"
 try /drapery/bin/drapery run /drapery/scenes/hanging_sheet.toml --frames 1001-1004 --set resolution=10 --out /out
 sound() {
     try /drapery/bin/drapery verify "$1"
-    grep -q 'every rule is kept' log || fail "$1 is not sound: $(cat log)"
+    grep -q 'all rules are met' log || fail "$1 is not sound: $(cat log)"
 }
 sound /out/sheet.abc
 try /drapery/bin/drapery-assets mannequin --out /assets

@@ -40,7 +40,7 @@ impl FromStr for Layout {
         let (ranks, threads) = text.split_once('x').unwrap_or((text, "1"));
         let number = |word: &str| word.parse::<usize>().ok().filter(|number| (1..=1024).contains(number));
         let layout = number(ranks).zip(number(threads)).map(|(ranks, threads)| Self { ranks, threads });
-        layout.ok_or_else(|| format!("`{text}` is no number of ranks: write 3, or 3x2 for two threads on each"))
+        layout.ok_or_else(|| format!("`{text}` is not a number of ranks; write 3, or 3x2 for two threads on each"))
     }
 }
 
@@ -79,13 +79,13 @@ pub struct DifferentVertex {
 impl fmt::Display for Difference {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(quantity) = self.quantity else {
-            return write!(out, "another sequence of lines from {} on", self.tracepoint);
+            return write!(out, "the sequence of lines differs from {} on", self.tracepoint);
         };
         write!(out, "{quantity} differs after {} at {} vertices", self.tracepoint, self.count)?;
         for DifferentVertex { garment, vertex, values: [alone, many] } in &self.vertices {
             write!(
                 out,
-                "\n  garment {garment}, vertex {vertex}: {:?}, and on one rank {:?}",
+                "\n  garment {garment}, vertex {vertex}: {:?}; on one rank: {:?}",
                 many.data.0[0], alone.data.0[0]
             )?;
         }

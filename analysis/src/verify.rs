@@ -85,14 +85,14 @@ fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<
     let archive = Archive::open(path)?;
     let meshes = PolyMesh::all(&archive)?;
     if meshes.is_empty() {
-        found.failures.push(format!("{prefix}it holds no mesh"));
+        found.failures.push(format!("{prefix}the file contains no mesh"));
     }
     if archive.bounds()?.is_none_or(|samples| samples.is_empty()) {
-        found.warnings.push(format!("{prefix}the archive stores no bounds of everything (.childBnds)"));
+        found.warnings.push(format!("{prefix}the archive stores no bounds of all its objects (.childBnds)"));
     }
     let fps = archive.frames_per_second_hint();
     if fps.is_none() {
-        found.warnings.push(format!("{prefix}the archive does not say its frame rate; the application has to be told"));
+        found.warnings.push(format!("{prefix}the archive states no frame rate; set it in the application"));
     }
     let cache = Cache { prefix, meshes, stage: None, fps };
     found.facts.extend(applications::of_archive(&archive, &cache.meshes, &cache.prefix));
@@ -212,7 +212,7 @@ impl MeshCheck<'_> {
                 Ok(None) => without_bounds = true,
                 Ok(Some(bounds)) if !bad_bounds && !fits(&bounds, &positions) => {
                     bad_bounds = true;
-                    self.fail(format_args!("sample {sample}: the stored bounds are not those of the points"));
+                    self.fail(format_args!("sample {sample}: the stored bounds do not match the points"));
                 }
                 Ok(Some(_)) => {}
             }
@@ -232,7 +232,7 @@ impl MeshCheck<'_> {
         let stored = mesh.geom().samples(".velocities").filter(|samples| !samples.is_empty());
         let Some(stored) = stored.map(Samples::len) else {
             if mesh.topology_variance() != TopologyVariance::Constant {
-                self.warn("no velocities: motion blur has to come from neighbouring samples");
+                self.warn("no velocities: motion blur can only come from neighbouring samples");
             }
             return;
         };
@@ -244,7 +244,8 @@ impl MeshCheck<'_> {
                 Ok(Some(values)) if values.iter().flatten().all(|x| x.is_finite()) => {}
                 Ok(Some(_)) => return self.fail(format_args!("sample {sample}: a velocity is not a finite number")),
                 Ok(None) => {
-                    return self.fail(format_args!("sample {sample}: velocities do not match the points in number"));
+                    let what = "the number of velocities differs from the number of points";
+                    return self.fail(format_args!("sample {sample}: {what}"));
                 }
                 Err(error) => return self.fail(error),
             }

@@ -169,7 +169,7 @@ fn a_render_mesh_is_no_cloth_and_what_it_crosses_is_told_and_not_judged() {
     assert_eq!(verified(&follows(None)).failures.len(), 2);
     let found = verified(&follows(Some("coat")));
     assert_eq!(found.failures, [] as [String; 0]);
-    let shell = "/coat_render/shape (render mesh of coat, not judged as cloth)";
+    let shell = "/coat_render/shape (render mesh of coat, reported only)";
     for expected in
         [format!("{shell}: its layers intersect in 1 of 2 frames"), format!("{shell} and /coat/shape intersect in ")]
     {

@@ -44,7 +44,7 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
     #[command(flatten)]
     pub(crate) log: LogArgs,
-    /// Site file: defaults of this place for run, plan, check, study and materials [default: DRAPERY_CONFIG]
+    /// Site file with defaults for run, plan, check, study and materials [default: DRAPERY_CONFIG]
     #[arg(long, value_name = "FILE", global = true)]
     pub(crate) config: Option<PathBuf>,
 }
@@ -68,10 +68,10 @@ pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
 /// Amount and destination of the log.
 #[derive(Debug, Args)]
 pub(crate) struct LogArgs {
-    /// Say more (twice: everything); at the end of a run, where the time went and what was counted
+    /// Print more (twice: everything); at the end of a run, a table of times and counts
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub(crate) verbose: u8,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// Also write the log as JSON lines to this file
@@ -88,27 +88,28 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Show what will run and why: effects, settings, memory, threads, formats
     Plan(PlanArgs),
-    /// Show what a mesh or cache file holds
+    /// Show the contents of a mesh or cache file
     Info(FileArgs),
     /// Write a cache in another format, with other frames, or in another unit or axis
     Convert(ConvertArgs),
-    /// Check that other applications can load caches and that nothing intersects; warn of what does along other diagonals of quads
+    /// Check that other applications can load caches and that cloth has no intersections; warn of those along the other
+    /// diagonals of quads
     Verify(VerifyArgs),
-    /// Show how far a run is: frames, rate, time left, last checkpoint; reads only
+    /// Show the progress of a run: frames, rate, time left, last checkpoint; reads only
     Status(StatusArgs),
-    /// Ask a run in progress to write a checkpoint and end, on whatever machine it runs
+    /// Ask a run in progress, on any machine, to write a checkpoint and stop
     Stop(StopArgs),
     /// Compare two caches, checkpoints or runs, frame by frame
     Diff(DiffArgs),
-    /// Write a page about a run: time, strain, contacts, degradations, pictures
+    /// Write an HTML report of a run: time, strain, contacts, degradations, pictures
     Report(ReportArgs),
-    /// Show what accuracy costs in time: run a scene with many settings, compare, and recommend one
+    /// Measure the cost of accuracy: run a scene with many settings, compare errors and times, and recommend one
     Study(StudyArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
     Materials(ListArgs),
-    /// Test this build: what it has to withstand
+    /// Test this build: hard cases, drape of the preset materials, or bits on several ranks
     Selftest(SelftestArgs),
 }
 
@@ -117,20 +118,20 @@ pub(crate) enum Command {
 pub(crate) struct SceneArgs {
     /// Scene file
     pub(crate) scene: PathBuf,
-    /// Frames to deliver, for example 1001-1100; the scene's own range when left out
+    /// Frames to deliver, for example 1001-1100 [default: the scene's range]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// File of settings that `drapery study --write-preset` has written; --set overrides them. A preset of the solver is set
-    /// by --set solver.preset=production
+    /// Settings file from `drapery study --write-preset`; --set overrides it. A preset of the solver is set by --set
+    /// solver.preset=production
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
     /// Effects to leave out, for example wind,self_collision; replaces `effects.without` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "only")]
     pub(crate) without: Vec<String>,
-    /// The only effects to run, of those that the scene asks for; replaces `effects.only` of the scene
+    /// Effects to run; the scene's other effects are left out. Replaces `effects.only` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
@@ -152,7 +153,7 @@ pub(crate) struct MaterialsArgs {
 /// Arguments of `materials`.
 #[derive(Debug, Args)]
 pub(crate) struct ListArgs {
-    /// The material to show; all of them when left out
+    /// The material to show [default: all]
     pub(crate) name: Option<String>,
     #[command(flatten)]
     pub(crate) materials: MaterialsArgs,
@@ -167,15 +168,14 @@ pub(crate) struct RunSettingsArgs {
     /// Folder for the caches and the record of the run [default: out/<shot name>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m [default: the site
-    /// file]
+    /// Time limit, for example 11h50m: the run writes a checkpoint and stops in time before it [default: the site file]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) max_wall: Option<Duration>,
-    /// Interval of checkpoints: a number of frames (10f), a time (15m), or `auto`; longer where they would take more
+    /// Interval of checkpoints: a number of frames (10f), a time (15m), or `auto`; longer if they would take more
     /// than a twentieth of the time [default: the site file, or auto]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<Every>,
-    /// Number of last checkpoints that are kept [default: the site file, or 3]
+    /// Number of recent checkpoints to keep [default: the site file, or 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) keep: Option<u16>,
     /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again) [default: the site file, or 75]
@@ -199,26 +199,26 @@ pub(crate) struct RunArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
-    /// Checkpoint to resume from when the folder holds a run of this shot: `auto` is the last good one, a frame number
+    /// Checkpoint to resume from if the folder holds a run of this shot: `auto` is the last good one, a frame number
     /// the one of that frame; `never` refuses such a folder
     #[arg(long, value_name = "auto|never|FRAME", default_value = "auto", value_parser = parse_resume)]
     #[arg(allow_hyphen_values = true)]
     pub(crate) resume: Resume,
-    /// Resume although the scene or its inputs have changed; frames that are simulated again are set aside, the change
-    /// is recorded
+    /// Resume even if the scene or its inputs have changed; frames that are simulated again are moved to stale/, and the
+    /// change is recorded
     #[arg(long)]
     pub(crate) resume_with_changes: bool,
-    /// Replace the run that the folder holds, and start anew
+    /// Replace the run in the folder and start over
     #[arg(long, conflicts_with_all = ["resume", "resume_with_changes"])]
     pub(crate) overwrite: bool,
-    /// Take the folder from another run that holds it; make sure that it has ended
+    /// Take over the folder from another run that holds its lock; make sure that this run has ended
     #[arg(long)]
     pub(crate) steal_lock: bool,
-    /// Frames of which checkpoints are written and kept, for example 1040,1066
+    /// Frames at which checkpoints are written and kept, for example 1040,1066
     #[arg(long, value_name = "FRAMES", value_delimiter = ',', allow_hyphen_values = true)]
     pub(crate) pin_checkpoint: Vec<i64>,
-    /// End with exit code 81 if a count that should stay zero did not, such as intersections (`crossings`); all frames
-    /// are written
+    /// End with exit code 81 if a count that should be zero is not, such as intersections (`crossings`); all frames are
+    /// written
     #[arg(long)]
     pub(crate) strict: bool,
     /// Write the cloth after a stage of a time step to DIR/dump, for example B.4 in every step, B.4@1005 in the steps
@@ -248,7 +248,7 @@ pub(crate) struct PlanArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
-    /// Simulate the first frames, in memory alone, to see what each effect costs; one frame unless a number is given
+    /// Simulate the first frames in memory to measure the cost of each effect; 1 frame if no number is given
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) measure: Option<u32>,
@@ -280,25 +280,25 @@ pub(crate) struct ConvertArgs {
     /// Frames to take, for example 1001-1100 [default: all]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
-    /// Unit of the old cache: m, cm, mm, in or ft [default: what it says, or m]
+    /// Unit of the old cache: m, cm, mm, in or ft [default: as stated in the file, or m]
     #[arg(long, value_name = "UNIT", value_parser = parse_length)]
     pub(crate) from_length: Option<LengthUnit>,
-    /// Up axis of the old cache: Y or Z [default: what it says, or Y]
+    /// Up axis of the old cache: Y or Z [default: as stated in the file, or Y]
     #[arg(long, value_name = "AXIS", value_parser = parse_up)]
     pub(crate) from_up: Option<UpAxis>,
-    /// Unit of the new cache: m, cm, mm, in or ft [default: that of the old one]
+    /// Unit of the new cache: m, cm, mm, in or ft [default: as in the old cache]
     #[arg(long, value_name = "UNIT", value_parser = parse_length)]
     pub(crate) length: Option<LengthUnit>,
-    /// Up axis of the new cache: Y or Z [default: that of the old one]
+    /// Up axis of the new cache: Y or Z [default: as in the old cache]
     #[arg(long, value_name = "AXIS", value_parser = parse_up)]
     pub(crate) up: Option<UpAxis>,
-    /// Frame rate, for example 24 or 24000/1001, where the cache does not tell it
+    /// Frame rate, for example 24 or 24000/1001, if the cache does not state it
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub(crate) fps: Option<(u32, u32)>,
-    /// Write the triangles that were simulated in the place of the faces, so that no renderer cuts these otherwise
+    /// Write the simulated triangles instead of the original faces, so that renderers cannot split quads differently
     #[arg(long)]
     pub(crate) triangles: bool,
-    /// Replace a file that is there
+    /// Replace an existing file
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
@@ -312,11 +312,10 @@ pub(crate) struct VerifyArgs {
     /// Alembic files or USD stages that belong together; with --record also HDF5 caches
     #[arg(required_unless_present = "record", value_name = "CACHE")]
     pub(crate) files: Vec<PathBuf>,
-    /// Also compare every frame with the record of the run in this folder, or, without caches, nothing but that for all of its
-    /// caches
+    /// Also compare every frame with the record of the run in this folder; without CACHE, compare all caches of that run
     #[arg(long, value_name = "DIR")]
     pub(crate) record: Option<PathBuf>,
-    /// Also count intersections of the caches with this mesh, in their own unit; they are reported, not judged
+    /// Also report intersections of the caches with this mesh, read in the unit of the caches; they break no rule
     #[arg(long, value_name = "FILE")]
     pub(crate) body: Option<PathBuf>,
 }
@@ -347,7 +346,7 @@ pub(crate) struct DiffArgs {
     pub(crate) a: PathBuf,
     /// File or folder to compare with; caches may be of different formats and units
     pub(crate) b: PathBuf,
-    /// Largest accepted distance between corresponding vertices, in metres; 0 accepts no difference
+    /// Largest accepted distance between corresponding vertices, in metres; 0 accepts identical positions only
     #[arg(
         long,
         value_name = "M",
@@ -374,14 +373,14 @@ pub(crate) struct SelftestArgs {
     /// each
     #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present_any = ["hard", "bits"], conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
-    /// The bits of this scene after every line of every step, on one rank and on the others that --ranks says; prints the first
-    /// line that differs
+    /// Compare the bits of this scene on one rank and on the numbers of --ranks, after every line of every step; print the
+    /// first line that differs
     #[arg(long, value_name = "SCENE", conflicts_with_all = ["hard", "drape", "integrator", "cases", "seeds", "json"])]
     pub(crate) bits: Option<PathBuf>,
-    /// Ranks to compare, with threads of each as in 3x2
+    /// Numbers of ranks to compare, with threads per rank as in 3x2
     #[arg(long, value_name = "N", value_delimiter = ',', requires = "bits", default_value = "2,3,4,7,2x2")]
     pub(crate) ranks: Vec<Layout>,
-    /// Last frame to compare; the scene's own when left out
+    /// Last frame to compare [default: the scene's last]
     #[arg(long, value_name = "FRAME", requires = "bits", allow_hyphen_values = true)]
     pub(crate) last: Option<i64>,
     /// Set a parameter or any key of the scene, as for `run`; repeatable
@@ -436,37 +435,37 @@ pub(crate) struct StudyArgs {
     #[arg(required_unless_present = "from")]
     pub(crate) scene: Option<PathBuf>,
     /// Settings to vary, for example cfl=4,2,1 cg_tolerance=1e-2,1e-4 thickness=x0.5 without=bending resolution=20,40, or any
-    /// key that --set takes; when left out, steps and solves, and one at a time what else costs time
+    /// key that --set takes [default: steps and solves, and one at a time everything else that costs time]
     #[arg(long, value_name = "NAME=A,B", num_args = 1.., value_parser = parse_vary)]
     pub(crate) vary: Vec<(String, Vec<String>)>,
-    /// All combinations of what is varied, instead of one change at a time
+    /// Run all combinations of the varied settings, instead of one change at a time
     #[arg(long, requires = "vary")]
     pub(crate) grid: bool,
     /// Run N of the combinations, chosen so that every value occurs equally often (Latin hypercube)
     #[arg(long, value_name = "N", requires = "vary", conflicts_with = "grid", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) latin: Option<u32>,
-    /// Frames to study, from the first frame of the scene on; as many as the time allows when left out
+    /// Frames to study, from the first frame of the scene on [default: as many as the time allows]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
-    /// Time that the study may take, for example 2m; run it again to resume it
+    /// Time limit of the study, for example 2m; the same command again resumes it
     #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10m")]
     pub(crate) max_wall: Duration,
-    /// Most time that a frame may take with the recommended setting, for example 10s/frame
+    /// Time limit per frame for the recommended setting, for example 10s/frame
     #[arg(long, value_name = "TIME/frame", value_parser = parse_frame_budget)]
     pub(crate) budget: Option<Duration>,
     /// Copies with perturbed start positions, which give the predictability horizon
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) copies: u32,
-    /// Runs of every setting whose time is given, the first one included
+    /// Number of runs that time each setting, the first one included
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) repeats: u32,
     /// Folder of the study [default: out/<scene>_study]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Replace the study that the folder holds, and start anew
+    /// Replace the study in the folder and start over
     #[arg(long)]
     pub(crate) overwrite: bool,
-    /// Simulate nothing: write table, study.csv and report.html again from this study.json
+    /// Do not simulate: rewrite table, study.csv and report.html from this study.json
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "vary", "frames", "out", "overwrite", "settings"])]
     pub(crate) from: Option<PathBuf>,
     /// Write the recommended setting into this file, for --preset
@@ -485,7 +484,7 @@ pub(crate) struct StudyArgs {
 /// Style of the progress report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressStyle {
-    /// A bar on a terminal, otherwise one line a frame
+    /// A bar on a terminal, otherwise one line per frame
     Auto,
     /// ALF_PROGRESS n% (Tractor, Deadline, OpenCue)
     Alf,
@@ -495,7 +494,7 @@ pub(crate) enum ProgressStyle {
     Openjd,
     /// Progress: n% (Deadline 10)
     Deadline,
-    /// One JSON object a frame
+    /// One JSON object per frame
     Json,
     /// Nothing
     None,
@@ -504,9 +503,9 @@ pub(crate) enum ProgressStyle {
 /// End of a run that SIGTERM has stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OnTerm {
-    /// Exit with the code of a run that can be resumed
+    /// Exit with the code of a resumable run
     Exit,
-    /// Die of the signal, for sites where this means that a person has ended it
+    /// End by the signal, for sites where this marks a job that a person has cancelled
     Signal,
 }
 

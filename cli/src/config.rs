@@ -85,7 +85,7 @@ impl Environment {
             None => SiteFile::default(),
             Some(Resolved { value: path, source }) => SiteFile::read(path).map_err(|error| match error.kind {
                 SceneErrorKind::Missing => {
-                    Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
+                    Failure::new(ExitCode::MissingInput, format!("site file from {source}: {error}"))
                 }
                 SceneErrorKind::Scene | SceneErrorKind::Memory => Failure::new(ExitCode::Scene, error.to_string()),
                 SceneErrorKind::Reading => Failure::new(ExitCode::Io, error.to_string()),
@@ -148,7 +148,7 @@ fn word<T: ValueEnum>(text: &str) -> Result<T, String> {
             Some(best) => format!("did you mean `{best}`?"),
             None => format!("use one of {}", names.join(", ")),
         };
-        format!("unknown word `{text}`\n  help: {help}")
+        format!("unknown value `{text}`\n  help: {help}")
     })
 }
 

@@ -28,14 +28,14 @@ pub(crate) enum ExitCode {
 pub(crate) const TABLE: &str = "Exit codes:
    0  done
    1  differences found (diff), or a case failed (selftest)
-   2  the command line could not be understood, or asks for frames that the shot does not have
-  65  an input file holds data that cannot be used, or is no file
-  66  an input file is missing or may not be read
+   2  invalid command line, or it asks for frames that the shot does not have
+  65  an input file holds unusable data, or is not a regular file
+  66  an input file is missing or cannot be opened
   69  a rank of several was lost (machine, network): run the same command again on machines that answer
   70  internal error
-  71  the machine has too little memory for the shot, or starts no more threads
+  71  not enough memory for the shot, or no more threads can be started
   73  an output could not be created, or holds another run
-  74  reading or writing failed (disk full, too many open files, a file removed while it is written), also of output and logs
+  74  reading or writing failed (disk full, too many open files, a file removed while it is written), including output and logs
   75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)
   78  the scene file, a material file or the site file is wrong
   80  the solver gave up

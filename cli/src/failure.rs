@@ -37,7 +37,7 @@ impl Failure {
 
     /// A fault of the program itself; the panic has printed its own message.
     pub(crate) fn internal() -> Self {
-        Self::new(ExitCode::Internal, "this is a fault of Drapery; please report it with the lines above")
+        Self::new(ExitCode::Internal, "this is a bug in Drapery; please report it with the lines above")
     }
 
     /// Prints it, on standard error. Farm software takes the word `Error:` for a fatal error, so it is used here only.
@@ -103,7 +103,7 @@ impl From<Vec<SceneFileError>> for Failure {
         };
         let more = match errors.len().saturating_sub(MOST_EXCERPTS) {
             0 => String::new(),
-            more => format!("\nand {more} more, which are shown when these are mended"),
+            more => format!("\n{more} more will be shown once these are fixed"),
         };
         let excerpts: String = errors.into_iter().take(MOST_EXCERPTS).map(excerpt).collect();
         // Excerpts have colours, and nothing else that a terminal obeys.

@@ -126,7 +126,7 @@ const LINE: &[u8] = b"{\"timestamp\"";
 fn create(path: &Path) -> Result<File, Failure> {
     if let Some(pipe) = input_file::open_pipe_to_write(path) {
         let help = "start the program that reads it first, or give the name of a file";
-        let text = format!("{}: this is a pipe that no program reads\n  help: {help}", path.display());
+        let text = format!("{}: no program reads from this pipe\n  help: {help}", path.display());
         return pipe.map_err(|_| Failure::new(ExitCode::CannotCreate, text));
     }
     let mut start = Vec::new();
@@ -135,7 +135,8 @@ fn create(path: &Path) -> Result<File, Failure> {
     }
     if !start.is_empty() && start != LINE {
         let help = "give another name, or remove the file";
-        let text = format!("{}: this file holds no log, and would be replaced by one\n  help: {help}", path.display());
+        let text =
+            format!("{}: this file exists and is not a log; it is not overwritten\n  help: {help}", path.display());
         return Err(Failure::new(ExitCode::CannotCreate, text));
     }
     Ok(File::create(path).map_err(|e| IoError::creating(path, e))?)
@@ -185,7 +186,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         .with(folder_lines)
         .init();
     if let (Some(error), Some(chosen)) = (not_levels, chosen) {
-        tracing::warn!("DRAPERY_LOG={chosen} names no log levels and is ignored: {error}");
+        tracing::warn!("DRAPERY_LOG={chosen} is not a log filter and is ignored: {error}");
     }
     Ok(logs)
 }

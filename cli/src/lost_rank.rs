@@ -28,6 +28,10 @@ const DEFAULT_TIMEOUT: Duration = Duration::from_secs(30);
 /// Shortest time that is taken: what is shorter ends runs on loaded machines.
 const SHORTEST_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// Error of a shorter time.
+const TOO_SHORT: &str = "too short: ranks on a busy machine would count as lost\n  help: give a second or more, or 0 to switch \
+                         heartbeats off";
+
 /// Longest time for rank 0 to write down why it ends, and for others to wait for it. A disk behind the network may never answer.
 const WRITES: Duration = Duration::from_secs(4);
 
@@ -54,8 +58,8 @@ impl Heart {
         let is_first = ranks.is_first();
         let tell = move |news| match news {
             News::Unreachable(others) if is_first => tracing::warn!(
-                "no heartbeats with {}: no connection over TCP comes about, as behind a firewall; the run continues, but if such a \
-                 rank, its machine or the network to it is lost, it may wait for ever",
+                "no heartbeats with {}: no TCP connection can be established (a firewall?); the run continues, but may hang if \
+                 such a rank, its machine or its network is lost",
                 others.join(", ")
             ),
             News::Unreachable(_) => {}
@@ -66,7 +70,7 @@ impl Heart {
             // As where no connection comes about.
             Err(error) => {
                 say::complaint(format_args!(
-                    "no heartbeats: {error}; the run continues, but a lost rank is not noticed"
+                    "no heartbeats: {error}; the run continues, but cannot detect a lost rank"
                 ));
                 (Self(None), refused)
             }
@@ -90,8 +94,7 @@ fn timeout() -> Result<Option<Duration>, Failure> {
             let time = parse_duration(text).map_err(|error| error.to_string());
             let long = time.and_then(|time| match time >= SHORTEST_TIMEOUT {
                 true => Ok(Some(time)),
-                false => Err("ranks of a loaded machine would seem lost\n  help: give a second or more, or 0 for none"
-                    .to_owned()),
+                false => Err(TOO_SHORT.to_owned()),
             });
             long.map_err(|error| Failure::new(ExitCode::Usage, format!("{TIMEOUT}={text}: {error}")))
         }
@@ -110,7 +113,7 @@ fn end(is_first: bool, lost: &[Lost]) -> ! {
     }
     let what: Vec<String> = lost.iter().map(Lost::to_string).collect();
     let why = match lost.iter().any(|lost| lost.how == How::Silent) {
-        true => ": its machine or the network to it is lost, or it stands still",
+        true => ": its machine or its network is down, or the process is frozen",
         false => "",
     };
     let text = format!("{}{why}", what.join("; "));
@@ -118,8 +121,8 @@ fn end(is_first: bool, lost: &[Lost]) -> ! {
     if is_first || lost.iter().any(|lost| lost.rank == 0) {
         let written = std::thread::Builder::new().spawn(move || {
             let help = format!(
-                "run the same command again on machines that answer, on any number of ranks: it continues from the last \
-                        checkpoint; where machines only stood still for a while, give {TIMEOUT} a longer time"
+                "run the same command again on machines that answer, with any number of ranks: it continues from the last \
+                 checkpoint; if machines only froze for a while, raise {TIMEOUT}"
             );
             let failure = Failure::new(ExitCode::RankLost, format!("{text}\n  help: {help}"));
             failure.report();

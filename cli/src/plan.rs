@@ -44,7 +44,7 @@ pub(crate) fn shot(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Res
     let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve_on(ranks.count())?;
     let points: usize = description.garments.iter().map(MeshStream::point_count).sum();
     let (scene, garments) = (args.scene.display(), description.garments.len());
-    patience::at(format!("{scene}: building and checking {garments} garments of {points} points in all"));
+    patience::at(format!("{scene}: building and checking {garments} garments with {points} points in total"));
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     Ok(Shot::prepare_on(ranks, description, frames)?)
 }
@@ -67,8 +67,8 @@ fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
 fn of_preset(path: &Path) -> Result<Vec<(String, String)>, Failure> {
     if let Some(word) = path.to_str().filter(|word| SolverPreset::find(word).is_some() && !path.exists()) {
         let text = format!(
-            "--preset {word}: this is a word of the solver's preset, and --preset takes a file of settings that `drapery study \
-             --write-preset` has written\n  help: write --set solver.preset={word}"
+            "--preset {word}: this is a preset of the solver, but --preset takes a settings file from `drapery study \
+             --write-preset`\n  help: write --set solver.preset={word}"
         );
         return Err(Failure::new(ExitCode::Usage, text));
     }

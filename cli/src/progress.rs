@@ -60,7 +60,7 @@ impl Progress {
 
     /// Reports a frame that takes long: its collision-free states so far, and the share of its time that is done.
     pub(crate) fn underway(&mut self, frame: i64, states: u64, share: f64) {
-        let text = format!("frame {frame}: {:.1} % of it after {states} steps", 100.0 * share);
+        let text = format!("frame {frame}: {:.1} % complete after {states} steps", 100.0 * share);
         match (&self.bar, self.style) {
             (Some(bar), _) => bar.set_message(text),
             (None, ProgressStyle::None) => {}

@@ -74,7 +74,7 @@ pub(crate) fn loss() -> Option<String> {
     let error = LOST.get()?;
     Some(format!(
         "{error}\n  \
-         help: make room where it goes, or send it elsewhere; what the command writes into files is complete"
+         help: free space there, or redirect it; the files that the command wrote are complete"
     ))
 }
 

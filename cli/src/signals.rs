@@ -96,7 +96,7 @@ impl Unasked {
                 return;
             }
             let reason = Reason::Signal(signal);
-            let when = if before <= START { "before a first step was done" } else { "within a step" };
+            let when = if before <= START { "before the first step was complete" } else { "during a step" };
             say::complaint(format_args!(
                 "stopped ({reason}) {when}, without another checkpoint; continue with: {command}"
             ));

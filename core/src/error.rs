@@ -82,10 +82,10 @@ impl ShortStep {
     fn remedy(self) -> &'static str {
         match self {
             Self::StrainRate => {
-                "the cloth is being stretched faster than it can follow; look at this frame's bodies and pins"
+                "the cloth is stretched faster than it can follow; check the bodies and pins in this frame"
             }
             Self::Stiffness => {
-                "edges are too short and light for their stiffness: see that the unit of length of the garments is right \
+                "edges are too short and light for their stiffness: check the unit of length of the garments \
                  ([units]), merge points that almost coincide, or lower the stiffness"
             }
         }
@@ -119,8 +119,9 @@ impl fmt::Display for ShortStep {
 pub enum StepError {
     /// A position or velocity became infinite or not a number.
     #[error(
-        "garment \"{garment}\", vertex {vertex}: not a finite number after stage {stage}, frame {frame}, time {time:.6} s \
-         (last step {dt:.2e} s)\n  help: lower solver.cfl or solver.max_dt, or raise the damping of this garment"
+        "garment \"{garment}\", vertex {vertex}: not a finite number at {stage}, frame {frame}, time {time:.6} s (last \
+         step {dt:.2e} s)\n  help: take shorter steps with a smaller solver.max_dt, or raise the damping of this \
+         garment"
     )]
     NotFinite {
         /// Name of the garment.
@@ -156,9 +157,10 @@ pub enum StepError {
     },
     /// A frame takes far more steps than the cloth asks for.
     #[error(
-        "frame {frame}, time {time:.6} s: {steps} steps are done, and the frame is not; {planned:.0} were planned for all of it\n  \
-         help: something in this frame is faster than cloth can follow; look at its bodies and pins (`drapery check` names jumps), \
-         and at solver.strain_per_step if the scene sets it"
+        "frame {frame}, time {time:.6} s: the frame is not complete after {steps} steps; {planned:.0} were planned for \
+         all of it\n  \
+         help: something in this frame moves faster than cloth can follow; check its bodies and pins (`drapery check` \
+         names jumps), and solver.strain_per_step if the scene sets it"
     )]
     TooManySteps {
         /// Frame being computed.

@@ -35,7 +35,7 @@ impl FromStr for Tracepoint {
     fn from_str(text: &str) -> Result<Self, String> {
         let (line, at) = text.split_once('@').map_or((text, None), |(line, at)| (line, Some(at)));
         let known = LINES.iter().find(|known| known.eq_ignore_ascii_case(line));
-        let line = known.ok_or_else(|| format!("there is no line \"{line}\"; there are {}", LINES.join(", ")))?;
+        let line = known.ok_or_else(|| format!("there is no line \"{line}\"; use one of {}", LINES.join(", ")))?;
         let (frame, step) = at.map_or((None, None), |at| {
             at.split_once('.').map_or((Some(at), None), |(frame, step)| (Some(frame), Some(step)))
         });
@@ -43,7 +43,7 @@ impl FromStr for Tracepoint {
         let step = step.map(str::parse).transpose().ok().filter(|step| *step != Some(0));
         match (frame, step) {
             (Ok(frame), Some(step)) => Ok(Self { line, frame, step }),
-            _ => Err(format!("\"{}\" is no frame, nor a frame and its step as in 1005.3", at.unwrap_or_default())),
+            _ => Err(format!("\"{}\" is neither a frame nor a frame and step such as 1005.3", at.unwrap_or_default())),
         }
     }
 }

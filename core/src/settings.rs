@@ -289,7 +289,7 @@ impl Field {
         let advice = match (RETIRED.iter().find(is_retired), nearest(word, names())) {
             (Some((.., instead)), _) => (*instead).to_owned(),
             (None, Some(best)) => format!("did you mean `{best}`?"),
-            (None, None) => format!("it takes {}", names().collect::<Vec<_>>().join(", ")),
+            (None, None) => format!("use one of {}", names().collect::<Vec<_>>().join(", ")),
         };
         Err(format!("`{}` cannot be `{word}`; {advice}", self.name))
     }
@@ -297,7 +297,7 @@ impl Field {
     fn check_keys(&self, keys: &[(f64, [f64; 3])]) -> Result<(), String> {
         keys.iter().flat_map(|(_, value)| value).try_for_each(|value| self.check_number(*value))?;
         let ascending = keys.windows(2).all(|w| w[0].0 < w[1].0) && keys.iter().all(|(time, _)| time.is_finite());
-        let wrong = || format!("the times of `{}` have to ascend", self.name);
+        let wrong = || format!("the times of `{}` have to increase", self.name);
         (ascending && !keys.is_empty()).then_some(()).ok_or_else(wrong)
     }
 
@@ -331,7 +331,7 @@ fn unknown_key(key: &str, fields: &[Field]) -> String {
     let names: Vec<_> = fields.iter().map(|f| f.name).collect();
     match nearest(key, names.iter().copied()) {
         Some(best) => format!("`{key}` is not a setting here; did you mean `{best}`?"),
-        None => format!("`{key}` is not a setting here; there are {}", names.join(", ")),
+        None => format!("`{key}` is not a setting here; use one of {}", names.join(", ")),
     }
 }
 
@@ -409,7 +409,7 @@ mod tests {
     fn a_misspelt_key_or_word_names_the_nearest() {
         assert!(wrong("stepp", SettingValue::Number(1.0)).contains("did you mean `step`"));
         assert!(wrong("when", SettingValue::Text("lat".into())).contains("did you mean `late`"));
-        assert!(wrong("when", SettingValue::Text("never".into())).contains("it takes early, late"));
+        assert!(wrong("when", SettingValue::Text("never".into())).contains("use one of early, late"));
     }
 
     #[test]

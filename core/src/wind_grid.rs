@@ -37,7 +37,7 @@ impl WindGrid {
     pub(crate) fn new(shape: Option<WindGridShape>, start: &[WindSample]) -> Result<Self, Problem> {
         let Some(shape) = shape else { return Ok(Self::default()) };
         let problem = |what: String| {
-            Problem::data("wind", what, "give velocities for every node of the grid from the first frame on")
+            Problem::data("wind", what, "give velocities for every node of the grid, from the first frame on")
         };
         let first = start.last().ok_or_else(|| problem("there is no sample of its grid at the start".into()))?;
         let samples = [first.clone(), first.clone()];

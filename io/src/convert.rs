@@ -115,9 +115,7 @@ fn doubts<'a>(
     let mut found = Vec::new();
     if conversion.from_length.is_none() && !source.states_length {
         let unit = LengthUnit::plural(units.named().unwrap_or_default());
-        found.push(format!(
-            "{place}: the file does not say its unit, and is read in {unit}; --from-length says another"
-        ));
+        found.push(format!("{place}: the file states no unit and is read in {unit}; --from-length sets another"));
     }
     let mut bounds = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
     for (mesh, samples) in meshes {
@@ -126,8 +124,8 @@ fn doubts<'a>(
     }
     if let Some(size) = unlikely_size(bounds, units) {
         let remedy = match size.likely {
-            Some(unit) => format!("if it is, say --from-length {}", unit.word()),
-            None => "--from-length says in which unit it is read".to_owned(),
+            Some(unit) => format!("if it is, set --from-length {}", unit.word()),
+            None => "--from-length sets the unit in which it is read".to_owned(),
         };
         found.push(format!("{place}: {}; {remedy}", size.looks_like(size.likely)));
     }
@@ -143,7 +141,7 @@ fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
         (data.purpose.is_some(), "the purpose"),
     ];
     let left = all.iter().filter(|(there, _)| *there && !of_file(to).is_some_and(|format| format.binds_materials));
-    left.map(|(_, what)| format!("{}: {what} is left out: the format has no place for it", data.object_path)).collect()
+    left.map(|(_, what)| format!("{}: {what} is left out: the format cannot store it", data.object_path)).collect()
 }
 
 /// Plans the cache that the samples of a mesh go into.
@@ -181,8 +179,8 @@ fn plan<'a>(
 fn not_written(to: &Path) -> IoError {
     let extension = to.extension().unwrap_or_default().to_string_lossy();
     let what = match extension.as_ref() {
-        "" => "this name has no ending that says the format".to_owned(),
-        _ => format!("caches are not written as .{extension} files"),
+        "" => "the file name needs an extension, which sets the format".to_owned(),
+        _ => format!("caches cannot be written as .{extension} files"),
     };
     let endings = formats::endings(|format| format.create.is_some() || format.single.is_some());
     IoError::Format { path: to.to_owned(), what, advice: format!("give a file that ends with {endings}") }
@@ -194,7 +192,7 @@ fn refuse_target(conversion: &Conversion) -> Result<(), IoError> {
     if fs::canonicalize(to).is_ok_and(|to| fs::canonicalize(&conversion.from).is_ok_and(|from| from == to)) {
         return Err(IoError::Format {
             path: to.clone(),
-            what: "this is the cache that is converted".to_owned(),
+            what: "the old cache and the new one are the same file".to_owned(),
             advice: "give the new one another name".to_owned(),
         });
     }
@@ -214,8 +212,8 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
     }
     let names = meshes.iter().map(|mesh| mesh.name.as_str()).collect::<Vec<_>>().join(", ");
     let what = match object {
-        Some(object) => format!("it holds no mesh {object}"),
-        None => format!("it holds {} meshes, and a cache of this program holds one", meshes.len()),
+        Some(object) => format!("it contains no mesh {object}"),
+        None => format!("it contains {} meshes, but a Drapery cache holds one", meshes.len()),
     };
     Err(IoError::data(&source.path, "objects", what, format!("choose one with --object: {names}")))
 }
@@ -235,8 +233,8 @@ fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
     let differs = |fps: &f64| (fps - said).abs() > SAME_RATE * said;
     match source.fps.filter(differs) {
         Some(fps) => {
-            let what = format!("the frames of this file are at {fps} fps, and --fps says {numerator}/{denominator}");
-            let advice = "leave --fps out: at another rate every frame would be at another time";
+            let what = format!("the frames of this file are at {fps} fps, but --fps is {numerator}/{denominator}");
+            let advice = "leave --fps out: a different rate would change the time of every frame";
             Err(IoError::data(&conversion.from, "frame rate", what, advice))
         }
         None => Ok(source),
@@ -246,13 +244,13 @@ fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
 /// The frame rate as a fraction.
 fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), IoError> {
     let refused = |what: String| {
-        IoError::data(&source.path, "frame rate", what, "say it with --fps, for example --fps 24 or --fps 24000/1001")
+        IoError::data(&source.path, "frame rate", what, "set it with --fps, for example --fps 24 or --fps 24000/1001")
     };
     if let Some(said) = said {
         return Ok(said);
     }
-    let fps = source.fps.ok_or_else(|| refused("the file does not tell it".to_owned()))?;
-    rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
+    let fps = source.fps.ok_or_else(|| refused("the file does not state it".to_owned()))?;
+    rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is not a standard frame rate")))
 }
 
 /// The mesh with everything that is handed through; points are those of a sample [m]. Its faces, or the triangles that were
@@ -370,7 +368,7 @@ impl Work<'_> {
     /// Caches of this program keep their points and faces.
     fn check_faces(&self, frame: i64, sample: usize) -> Result<(), IoError> {
         match self.source.samples.faces(self.mesh, sample)? {
-            Some(faces) if faces != self.source.meshes[self.mesh].faces => Err(self.changes(frame, "other faces")),
+            Some(faces) if faces != self.source.meshes[self.mesh].faces => Err(self.changes(frame, "different faces")),
             _ => Ok(()),
         }
     }
@@ -378,8 +376,8 @@ impl Work<'_> {
     fn changes(&self, frame: i64, has: &str) -> IoError {
         let mesh = &self.source.meshes[self.mesh];
         let (first, points, faces) = (mesh.frames[0], mesh.points, mesh.faces.face_counts.len());
-        let what = format!("frame {frame} has {has}, and frame {first} has {points} points and {faces} faces");
-        let advice = "a cache of this program keeps its points and faces; export the mesh with one topology";
+        let what = format!("frame {frame} has {has}, but frame {first} has {points} points and {faces} faces");
+        let advice = "a Drapery cache keeps its points and faces; export the mesh with constant topology";
         IoError::data(&self.source.path, mesh.name.clone(), what, advice)
     }
 
@@ -397,7 +395,7 @@ impl Work<'_> {
     }
 
     fn lacks(&self, frame: i64, what: &str) -> IoError {
-        let what = format!("frame {frame} has no {what}, and the first has");
+        let what = format!("frame {frame} has no {what}, but the first frame has");
         IoError::data(&self.source.path, "frames", what, "choose the frames that have them with --frames A-B")
     }
 }

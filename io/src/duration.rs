@@ -42,7 +42,7 @@ pub fn parse_duration(text: &str) -> Result<Duration, TimeError> {
     let mut seconds = 0.0;
     let mut units = UNITS.iter();
     if rest.is_empty() {
-        return Err(error("nothing is written"));
+        return Err(error("it is empty"));
     }
     while !rest.is_empty() {
         let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
@@ -57,14 +57,14 @@ pub fn parse_duration(text: &str) -> Result<Duration, TimeError> {
         };
         let known = UNITS.iter().any(|(unit, _)| *unit == letter);
         let Some((_, factor)) = units.find(|(unit, _)| *unit == letter) else {
-            let what = format!("`{letter}` is no unit; there are d, h, m and s");
-            return Err(error(if known { "units come once each, the largest first" } else { &what }));
+            let what = format!("`{letter}` is not a unit; use d, h, m or s");
+            return Err(error(if known { "each unit may come once, the largest first" } else { &what }));
         };
         seconds += number * factor;
         rest = &after[letter.len_utf8()..];
     }
     match seconds {
-        s if s <= 0.0 => Err(error("it must be longer than nothing")),
+        s if s <= 0.0 => Err(error("it has to be longer than zero")),
         s if s > LONGEST => Err(error("it is longer than ten years")),
         s => Ok(Duration::from_secs_f64(s)),
     }
@@ -77,12 +77,12 @@ pub fn parse_duration(text: &str) -> Result<Duration, TimeError> {
 pub fn parse_epoch(text: &str) -> Result<SystemTime, TimeError> {
     let error = |what: &str| TimeError::Epoch { text: text.to_owned(), what: what.to_owned() };
     match text.trim().parse::<f64>() {
-        Ok(seconds) if seconds < EARLIEST => Err(error("this is long past; is a duration meant?")),
+        Ok(seconds) if seconds < EARLIEST => Err(error("this is long past; did you mean a duration?")),
         Ok(seconds) if seconds > EARLIEST + 100.0 * LONGEST => {
-            Err(error("this is too far away; are milliseconds meant?"))
+            Err(error("this is too far away; did you mean milliseconds?"))
         }
         Ok(seconds) if seconds.is_finite() => Ok(SystemTime::UNIX_EPOCH + Duration::from_secs_f64(seconds)),
-        _ => Err(error("this is no number of seconds")),
+        _ => Err(error("not a number of seconds")),
     }
 }
 
@@ -139,15 +139,15 @@ mod tests {
     #[test]
     fn what_is_no_duration_is_refused_with_the_reason() {
         let cases = [
-            ("", "nothing is written"),
+            ("", "it is empty"),
             ("h", "a number is missing"),
             ("-5m", "a number is missing"),
-            ("5x", "`x` is no unit"),
-            ("5µ", "`µ` is no unit"),
+            ("5x", "`x` is not a unit"),
+            ("5µ", "`µ` is not a unit"),
             ("1h30", "the last number has no unit"),
             ("50m11h", "the largest first"),
-            ("1h1h", "units come once each"),
-            ("0s", "longer than nothing"),
+            ("1h1h", "each unit may come once"),
+            ("0s", "longer than zero"),
             ("99999d", "ten years"),
             ("1.2.3h", "a number is missing"),
             ("inf", "a number is missing"),
@@ -162,7 +162,7 @@ mod tests {
     fn points_of_time_are_seconds_since_1970() {
         let time = parse_epoch("1793620000.5").unwrap();
         assert_eq!(time.duration_since(SystemTime::UNIX_EPOCH).unwrap(), Duration::from_secs_f64(1_793_620_000.5));
-        for (text, reason) in [("3600", "duration"), ("tomorrow", "no number"), ("1793620000000", "milliseconds")] {
+        for (text, reason) in [("3600", "duration"), ("tomorrow", "not a number"), ("1793620000000", "milliseconds")] {
             let error = parse_epoch(text).unwrap_err().to_string();
             assert!(error.contains(reason), "{text}: {error}");
         }

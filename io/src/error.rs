@@ -10,7 +10,7 @@ use drapery_alembic::AlembicError;
 pub enum IoError {
     /// A file that is to be read does not exist.
     #[error(
-        "{}: there is no such file\n  \
+        "{}: file not found\n  \
          help: check the path; relative paths start at the scene file's folder",
         path.display()
     )]
@@ -33,7 +33,7 @@ pub enum IoError {
     /// An input is not a file: it is a folder, a pipe, a socket or a device.
     #[error(
         "{}: this is {what}, not a file\n  \
-         help: give a regular file; what comes out of a pipe has to be written into one first",
+         help: give a regular file; write the output of a pipe to a file first",
         path.display()
     )]
     NotAFile {
@@ -44,8 +44,8 @@ pub enum IoError {
     },
     /// An output would replace something other than a file: a folder, a pipe, a socket or a device.
     #[error(
-        "{}: this is {what}, and a file would be put in its place\n  \
-         help: give the name of a file, new or to be replaced; it can be copied into {what} when it is whole",
+        "{}: this is {what}, and a file would replace it\n  \
+         help: give a file name, new or to be replaced; copy the file into {what} once it is complete",
         path.display()
     )]
     OutputNotAFile {
@@ -56,8 +56,8 @@ pub enum IoError {
     },
     /// A file was changed by another program while it was written.
     #[error(
-        "{}: another program {what} while it was written\n  \
-         help: what the file held is lost; keep other programs out of this folder, and start anew with --overwrite",
+        "{}: another program {what} while this run wrote it\n  \
+         help: its content is lost; keep other programs out of this folder, and start over with --overwrite",
         path.display()
     )]
     OutputChanged {
@@ -68,7 +68,7 @@ pub enum IoError {
     },
     /// An output folder has a name that files of HDF5 cannot be written under.
     #[error(
-        "{path:?}: this path is not UTF-8, and checkpoints (HDF5) are written only below paths that are\n  \
+        "{path:?}: this path is not UTF-8, which checkpoints (HDF5) require\n  \
          help: choose another folder with --out"
     )]
     OutputNotUtf8 {
@@ -149,7 +149,7 @@ pub enum IoError {
     },
     /// The output folder was taken over by another run.
     #[error(
-        "{}: {taker} has taken this folder over; this run stops and writes nothing more\n  \
+        "{}: {taker} has taken over this folder; this run stops and writes nothing more\n  \
          help: let that run finish; it has resumed from the last checkpoint",
         path.display()
     )]
@@ -343,7 +343,7 @@ fn advice_on_reading(error: &std::io::Error) -> &'static str {
     let usual = if is_about_the_name(error) {
         "check that it is a file and that you may read it"
     } else {
-        "look after the disk or the file server, and run the same command again"
+        "check the disk or the file server, and run the same command again"
     };
     advice_on(error, usual)
 }

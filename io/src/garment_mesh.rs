@@ -113,8 +113,8 @@ impl GarmentMesh {
         if digest(&data) == self.digest {
             return Ok(data);
         }
-        let what = "the mesh has changed since the run began: it has other points or faces";
-        let advice = "start the run anew, and leave its files alone until it ends";
+        let what = "the mesh has changed since the run began: its points or faces differ";
+        let advice = "start over, and do not change its files until the run has ended";
         Err(IoError::data(&self.path, data.object_path, what, advice))
     }
 

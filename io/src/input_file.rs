@@ -65,7 +65,7 @@ pub fn open_pipe_to_write(path: &Path) -> Option<io::Result<File>> {
 /// As [`open`]; the path is not UTF-8.
 pub(crate) fn check_for_hdf5(path: &Path) -> Result<(), IoError> {
     if path.to_str().is_none() {
-        let what = format!("{path:?} is not UTF-8, and the HDF5 library opens only paths that are");
+        let what = format!("{path:?} is not UTF-8, which the HDF5 library requires of paths");
         return Err(IoError::data(path, "path", what, "rename the file or its folders"));
     }
     open(path).map(drop)
@@ -86,7 +86,7 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>, IoError> {
     }
     if length > LONGEST_FILE {
         let what = format!("it is longer than {} MiB", LONGEST_FILE >> 20);
-        return Err(IoError::data(path, "length", what, "check that this is the file that you mean"));
+        return Err(IoError::data(path, "length", what, "check that this is the right file"));
     }
     Ok(bytes)
 }
@@ -117,7 +117,7 @@ pub fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> 
     let read = reader.take(LONGEST_LINE + 1).read_until(b'\n', line).map_err(|error| IoError::reading(path, error))?;
     if read as u64 > LONGEST_LINE {
         let what = format!("a line is longer than {} MiB", LONGEST_LINE >> 20);
-        return Err(IoError::data(path, "length", what, "the file is damaged, or no text; export it again"));
+        return Err(IoError::data(path, "length", what, "the file is damaged, or not a text file; export it again"));
     }
     Ok(read > 0)
 }

@@ -92,7 +92,7 @@ impl MemoryMeshes {
         let missing = || {
             let known: Vec<&str> = self.0.keys().map(String::as_str).collect();
             let advice = match known.as_slice() {
-                [] => "only a program that runs Drapery as a library can hand meshes over; name a file".to_owned(),
+                [] => "meshes in memory exist only in programs that use Drapery as a library; give a file".to_owned(),
                 known => format!("there are {}", known.join(", ")),
             };
             IoError::data(Path::new(file), "mesh in memory", "there is no mesh of this name", advice)
@@ -181,7 +181,7 @@ mod tests {
         let mut meshes = MemoryMeshes::default();
         assert!(meshes.named("hero.abc").is_none());
         let alone = meshes.named("memory:hero").unwrap().unwrap_err().to_string();
-        assert!(alone.contains("memory:hero") && alone.contains("name a file"), "{alone}");
+        assert!(alone.contains("memory:hero") && alone.contains("give a file"), "{alone}");
         meshes.insert("skirt", triangle()).unwrap();
         assert!(meshes.named("memory:hero").unwrap().unwrap_err().to_string().contains("there are skirt"));
         assert!(meshes.named("memory:skirt").unwrap().is_ok());

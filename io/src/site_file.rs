@@ -124,7 +124,7 @@ mod tests {
             ("= 99", "= 256", "from 0 to 255"),
             ("\"10m\"", "\"10\"", "has no unit"),
             ("\"11h50m\"", "\"11h50\"", "site.toml:7:12: `max_wall`: "),
-            ("\"X:/\" =", "\"x/\" =", "not the start of a whole path"),
+            ("\"X:/\" =", "\"x/\" =", "not the start of an absolute path"),
             ("[paths]", "[path]", "did you mean `paths`?"),
             ("keep", "= keep", "not valid TOML"),
         ] {

@@ -196,13 +196,18 @@ pub fn decide(stated: StatedUnits, own: Option<Units>, general: Option<Units>) -
     match (own, general) {
         (Some(own), _) if differs(own) => {
             let file = of_file(own.into());
-            (own.into(), Some(format!("the file says {file}; it is read in {own}, as its `units` in the scene say")))
+            (
+                own.into(),
+                Some(format!("the file states {file}, but is read in {own}, which its `units` in the scene set")),
+            )
         }
         (Some(own), _) => (own.into(), None),
         (None, Some(general)) => {
             let file = of_file(general.into());
             let warning = differs(general).then(|| {
-                format!("the file says {file}, and is read so, although [units] says {general}; if the file is wrong, write its `units`")
+                format!(
+                    "the file states {file}, which overrides [units] ({general}); if the file is wrong, set its `units`"
+                )
             });
             (file, warning)
         }
@@ -210,14 +215,14 @@ pub fn decide(stated: StatedUnits, own: Option<Units>, general: Option<Units>) -
             let file = of_file(UNSTATED);
             let missing = match (stated.metres, stated.up) {
                 (None, None) => "neither its unit of length nor its up axis",
-                (None, Some(_)) => "not its unit of length",
-                (Some(_), None) => "not its up axis",
+                (None, Some(_)) => "no unit of length",
+                (Some(_), None) => "no up axis",
                 (Some(_), Some(_)) => return (file, None),
             };
             (
                 file,
                 Some(format!(
-                    "the file says {missing}; it is read in {file}, USD's default; write `units` if that is wrong"
+                    "the file states {missing}; it is read in {file}, USD's default; set `units` if that is wrong"
                 )),
             )
         }
@@ -235,8 +240,8 @@ pub fn why_meant_in(general: Units, height: f64, read_in: InputUnits) -> Option<
     let is_giant = height.is_finite() && height > *PLAUSIBLE_BODY.end();
     (is_giant && PLAUSIBLE_BODY.contains(&meant)).then(|| {
         format!(
-            "the file says {}, in which it is {height:.3} m high; it is read in {}, as [units] says. If it really is that size, \
-             write its `units`",
+            "the file states {}, which makes it {height:.3} m high; it is read in {}, the unit of [units]. If it \
+             really has that size, set its `units`",
             read_in.plural(),
             general.length.plural()
         )
@@ -424,8 +429,8 @@ mod tests {
         assert_eq!(
             why_meant_in(general(LengthUnit::Centimetre), 172.0, metres).as_deref(),
             Some(
-                "the file says metres, in which it is 172.000 m high; it is read in centimetres, as [units] says. If it really is \
-                 that size, write its `units`"
+                "the file states metres, which makes it 172.000 m high; it is read in centimetres, the unit of \
+                 [units]. If it really has that size, set its `units`"
             )
         );
         // A dwarf in millimetres, a person, a floor.
@@ -445,10 +450,10 @@ mod tests {
         assert_eq!(decide(stated, None, Some(centimetres)), (centimetres.into(), None));
         let (units, warning) = decide(stated, None, Some(Units::SI));
         assert_eq!(units, centimetres.into());
-        assert!(warning.unwrap().contains("the file says centimetres, Z up, and is read so"));
+        assert!(warning.unwrap().contains("the file states centimetres, Z up, which overrides [units]"));
         let (units, warning) = decide(stated, Some(Units::SI), Some(centimetres));
         assert_eq!(units, Units::SI.into());
-        assert!(warning.unwrap().contains("it is read in metres, Y up"));
+        assert!(warning.unwrap().contains("but is read in metres, Y up"));
         // What it leaves open is said by the scene, or else by USD.
         let half = StatedUnits { metres: Some(10.0), up: None };
         assert_eq!(decide(half, None, Some(centimetres)).0, InputUnits { metres: 10.0, up: UpAxis::Z });

@@ -66,7 +66,7 @@ impl WindFile {
             return wrong("`spacing`", format!("it is not three numbers above zero and up to {FARTHEST:e} m"));
         };
         if times.is_empty() || times.windows(2).any(|w| w[0] >= w[1]) || times.iter().any(|t| !t.is_finite()) {
-            return wrong("`times`", "they do not ascend".into());
+            return wrong("`times`", "they do not increase".into());
         }
         let counts = match velocity.shape().as_slice() {
             &[samples, z, y, x, 3] if samples == times.len() && x > 0 && y > 0 && z > 0 => [x, y, z],
@@ -112,7 +112,7 @@ impl WindFile {
         // A single sample is wind that does not change.
         if self.times.len() > 1 && (covered[0] > first + margin || covered[1] < last - margin) {
             let what = format!(
-                "its samples reach from {} s to {} s, but {first} s to {last} s (frame / fps) are to be simulated",
+                "its samples cover {} s to {} s, but the simulation needs {first} s to {last} s (frame / fps)",
                 covered[0], covered[1]
             );
             return Some(Problem::data(place, what, "write the whole range, or choose frames inside it"));
@@ -133,7 +133,11 @@ impl WindFile {
                         let what = format!(
                             "the velocity at node x {i}, y {j}, z {k} is not finite, or above {FARTHEST:e} m/s"
                         );
-                        return Some(Problem::data(place(), what, "write the file again without such numbers"));
+                        return Some(Problem::data(
+                            place(),
+                            what,
+                            "write the file again with finite numbers within this bound",
+                        ));
                     }
                 }
             }
@@ -221,7 +225,7 @@ mod tests {
         assert!((at(11)[0].velocities[5] - Vec3::new(1.0, 2.0, 0.5)).norm() < 1e-14);
         assert_eq!((at(12).len(), at(12)[0].velocities[23]), (1, Vec3::new(1.0, 2.0, 1.0)));
         let beyond = wind.check(timeline, 14).unwrap();
-        assert!(beyond.what.contains("samples reach"), "{}", beyond.what);
+        assert!(beyond.what.contains("samples cover"), "{}", beyond.what);
     }
 
     #[test]

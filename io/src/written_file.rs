@@ -23,10 +23,10 @@ pub fn check<'a>(path: &Path, file: impl Into<Option<&'a File>>, length: u64) ->
         Err(error) if error.kind() == ErrorKind::NotFound => changed("has removed this file".to_owned()),
         Err(error) => Err(IoError::writing(path, error)),
         Ok(named) if own.is_some_and(|own| (named.dev(), named.ino()) != (own.dev(), own.ino())) => {
-            changed("has put another file in the place of this one".to_owned())
+            changed("has replaced this file".to_owned())
         }
         Ok(named) if named.len() < length => {
-            changed(format!("has cut this file from {length} to {} bytes", named.len()))
+            changed(format!("has truncated this file from {length} to {} bytes", named.len()))
         }
         Ok(_) => Ok(()),
     }
@@ -85,7 +85,7 @@ mod tests {
             [("frame", |writer| write(writer, 3)), ("checkpoint", |w| w.sync()), ("end", |w| w.finish())];
         let harms: [(&str, Harm); 2] = [
             ("removed this file", |path| fs::remove_file(path).unwrap()),
-            ("cut this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
+            ("truncated this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
         ];
         for extension in FORMATS.iter().filter(|format| format.create.is_some()).map(|format| format.extension) {
             for (when, step) in steps {
@@ -132,14 +132,14 @@ mod tests {
         let words = |file: &File| check(&path, file, 10).unwrap_err().to_string();
         let file = written();
         file.set_len(4).unwrap();
-        assert!(words(&file).contains("sheet.abc: another program has cut this file from 10 to 4 bytes"));
+        assert!(words(&file).contains("sheet.abc: another program has truncated this file from 10 to 4 bytes"));
         assert!(check(&path, None, 10).unwrap_err().to_string().contains("from 10 to 4 bytes"));
         let file = written();
         fs::remove_file(&path).unwrap();
         assert!(words(&file).contains("sheet.abc: another program has removed this file"));
         assert!(check(&path, None, 10).unwrap_err().to_string().contains("has removed this file"));
         fs::write(&path, "0123456789").unwrap();
-        assert!(words(&file).contains("another file in the place of this one"));
+        assert!(words(&file).contains("another program has replaced this file"));
         check(&path, None, 10).unwrap();
     }
 }

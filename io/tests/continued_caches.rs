@@ -429,9 +429,9 @@ fn a_usd_cache_whose_files_are_missing_or_changed_is_refused_and_left_alone() {
     let cases = [
         ("1002.usdc", None, "the clip of frame 1002 is missing"),
         ("1003.usdc", None, "the clip of this frame is missing"),
-        ("1003.usdc", Some(40), "not the one that was written"),
+        ("1003.usdc", Some(40), "differs from the one that was written"),
         ("topology.usdc", Some(60), "no longer the one that was written"),
-        ("topology.usdc", None, "begun with other settings"),
+        ("topology.usdc", None, "started with different settings"),
     ];
     for (name, flipped, expected) in cases {
         let path = clips.join(name);
@@ -447,7 +447,7 @@ fn a_usd_cache_whose_files_are_missing_or_changed_is_refused_and_left_alone() {
         refused(&mark, expected);
         fs::write(&path, good).unwrap();
     }
-    refused(&CacheMark { digest: "7".repeat(32), ..mark.clone() }, "not the one that was written");
+    refused(&CacheMark { digest: "7".repeat(32), ..mark.clone() }, "differs from the one that was written");
     refused(&CacheMark { last_frame: Some(1000), ..mark.clone() }, "begins at 1001");
     refused(&CacheMark { file: "coat.usd".into(), ..mark.clone() }, "coat.usd");
     fs::remove_file(garment.path("usd")).unwrap();

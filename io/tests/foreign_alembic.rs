@@ -112,9 +112,9 @@ fn the_unit_of_a_file_that_does_not_say_it_is_doubted_by_the_size_and_can_be_sai
         let asked = |name: &str| Conversion { from: from.clone(), to: to(name), ..Conversion::default() };
         let done = convert(&asked("plain"), &mut |_| {}).unwrap();
         let [unsaid, giant] = &done.doubts[..] else { panic!("{:?}", done.doubts) };
-        assert!(unsaid.contains("does not say its unit, and is read in metres; --from-length"), "{unsaid}");
+        assert!(unsaid.contains("states no unit and is read in metres; --from-length"), "{unsaid}");
         let words =
-            "it is 169.000 m across when read as metres: looks like centimetres; if it is, say --from-length cm";
+            "it is 169.000 m across when read as metres: looks like centimetres; if it is, set --from-length cm";
         assert!(giant.contains(words), "{giant}");
         // The same numbers, in another unit and with another axis.
         let said = Conversion { from_length: Some(LengthUnit::Centimetre), from_up: Some(UpAxis::Z), ..asked("said") };
@@ -144,7 +144,7 @@ fn samples_between_frames_stay_between_frames_and_what_is_behind_the_last_is_tol
         let to = folder.path().join(format!("to.{to}"));
         let done = converted(&from, &to, None).unwrap();
         assert_eq!(done.frames, [1001, 1004]);
-        let expected = "/set/cloth: 1 samples before the first frame or behind the last are left out";
+        let expected = "/set/cloth: 1 samples before the first frame or after the last are left out";
         assert!(done.left_out.len() == 1 && done.left_out[0].starts_with(expected), "{:?}", done.left_out);
         let expected: Vec<_> =
             (0..=6).map(|half| 1001.0 + f64::from(half) / 2.0).map(|at| (at, [0.0, at, 0.0])).collect();
@@ -166,7 +166,7 @@ fn samples_between_frames_stay_between_frames_and_what_is_behind_the_last_is_tol
     let unknown = file.write(&folder.path().join("unknown.abc"));
     let asked = Conversion { from: unknown, to: to.clone(), frames: Some([1001, 1003]), ..Conversion::default() };
     let error = convert(&asked, &mut |_| {}).unwrap_err().to_string();
-    assert!(error.contains("does not tell it") && error.contains("--fps"), "{error}");
+    assert!(error.contains("does not state it") && error.contains("--fps"), "{error}");
     assert!(!to.exists());
 }
 

@@ -140,7 +140,7 @@ fn half_frames_and_missing_meshes_are_seen() {
     assert_eq!(samples.len(), 2);
     assert!((samples[0].time - 1.5 / 24.0).abs() < 1e-9 && samples[1].time == 2.0 / 24.0);
     let curves = MeshSource::open(&folder.join("cortex_curves.abc"), None, Units::SI).unwrap_err().to_string();
-    assert!(curves.contains("it holds no mesh, but") && curves.contains("Curves"), "{curves}");
+    assert!(curves.contains("it contains no mesh, only") && curves.contains("Curves"), "{curves}");
     let pattern = MeshSource::open(&folder.join("mayausd_cube.abc"), Some("/nothing/*"), Units::SI).unwrap_err();
     assert!(pattern.to_string().contains("its meshes are /"), "{pattern}");
 }

@@ -60,11 +60,16 @@ fn a_giant_by_the_unit_that_its_file_states_is_read_in_the_unit_of_the_scene() {
     assert_eq!(tops(&shot), [Vec3::y(); 2]);
     let said = shot.warnings.join("\n");
     assert!(
-        said.contains("says metres, in which it is 100.000 m high; it is read in centimetres, as [units] says"),
+        said.contains(
+            "the file states metres, which makes it 100.000 m high; it is read in centimetres, the unit of [units]"
+        ),
         "{said}"
     );
-    assert!(said.contains("it is read in centimetres, as a body is whose file says the same unit wrongly"), "{said}");
-    assert!(!said.contains("and is read so, although"), "{said}");
+    assert!(
+        said.contains("it is read in centimetres, because the file of a body states the same unit wrongly"),
+        "{said}"
+    );
+    assert!(!said.contains("which overrides [units]"), "{said}");
     // What is said of the file itself goes over its size, and so does what fits the file.
     let own = "units = { length = \"m\", up = \"Z\" }";
     let shot = scene(folder.path(), "[units]\nlength = \"cm\"", own, own).unwrap();
@@ -85,11 +90,15 @@ fn units_and_axis_come_from_the_file_and_the_scene_may_leave_them_out() {
     assert_eq!(shot.garments[0].positions().unwrap()[3], Vec3::y());
     let shot = scene(folder.path(), "[units]\nlength = \"m\"\nup = \"Y\"", "", "").unwrap();
     assert_eq!(top(&shot), Vec3::y());
-    assert!(shot.warnings[0].contains("the file says centimetres, Z up, and is read so"), "{:?}", shot.warnings);
+    assert!(
+        shot.warnings[0].contains("the file states centimetres, Z up, which overrides [units]"),
+        "{:?}",
+        shot.warnings
+    );
     let shot = scene(folder.path(), "", "units = { length = \"mm\", up = \"Y\" }", "").unwrap();
     assert!((top(&shot) - Vec3::z() * 0.1).norm() < 1e-15);
     assert!(
-        shot.warnings[0].contains("read in millimetres, Y up, as its `units` in the scene say"),
+        shot.warnings[0].contains("read in millimetres, Y up, which its `units` in the scene set"),
         "{:?}",
         shot.warnings
     );
@@ -266,7 +275,7 @@ fn a_mesh_that_cannot_be_chosen_says_why_and_which_can() {
     assert!(source.notes()[0].contains("no.usda"), "{:?}", source.notes());
     fs::write(folder.path().join("no.usda"), "#usda 1.0\n(\n defaultPrim = \"x\"\n)\ndef \"x\" {}").unwrap();
     for (pattern, message) in
-        [("/guide", "the mesh /guide is not rendered: its purpose is guide"), ("/b*", "no mesh has a path like /b*")]
+        [("/guide", "the mesh /guide is not rendered: its purpose is guide"), ("/b*", "no mesh path matches /b*")]
     {
         let text = error(Some(pattern)).to_string();
         assert!(text.contains(message) && text.contains("its meshes are /a"), "{text}");

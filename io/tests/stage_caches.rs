@@ -249,11 +249,11 @@ fn what_a_mesh_has_and_is_not_handed_through_is_told_by_name() {
         let messages = convert(&conversion, &mut |_| {}).unwrap().left_out;
         let left = ["creaseIndices", "creaseLengths", "creaseSharpnesses", "normals (faceVarying)"];
         let mut expected: Vec<String> =
-            left.iter().map(|name| format!("/char/cape: {name} is left out: it is not copied to the cache")).collect();
-        expected.push("/char/cape: primvars:wet moves, and has its first value in all frames".to_owned());
+            left.iter().map(|name| format!("/char/cape: {name} is not copied to the cache")).collect();
+        expected.push("/char/cape: primvars:wet is animated; its first value is used in all frames".to_owned());
         if to.ends_with("cape.abc") {
             let missing = ["doubleSided", "material:binding"];
-            let no_place = |what: &str| format!("/char/cape: {what} is left out: the format has no place for it");
+            let no_place = |what: &str| format!("/char/cape: {what} is left out: the format cannot store it");
             expected.extend(missing.map(no_place));
         }
         assert_eq!(messages, expected);

@@ -110,7 +110,7 @@ pub(crate) fn check_size(
         return None;
     }
     let advice = if motion.source.states_length() {
-        "a unit that the file states goes over [units], and `units` at this body over both"
+        "a unit stated in the file overrides [units], and `units` at this body overrides both"
     } else {
         "correct the units; if it really is that size, write `units` at this body"
     };
@@ -156,11 +156,14 @@ pub(crate) fn check_faces(
     let place = place(motion, span, span.first_time());
     let mut problems = problems_of_flat_faces(triangles, &positions, &place);
     problems.extend(listed(doubled).map(|list| {
-        Problem::data(&place, format!("faces between the points {list} are there twice"), "delete the duplicate faces")
+        Problem::data(&place, format!("faces between the points {list} are duplicates"), "delete the duplicate faces")
     }));
     let turned = turned_edges(sides(triangles.iter().copied()).collect());
     warnings.extend(listed(turned.iter()).map(|list| {
-        format!("{place}: the faces at edges {list} are wound against each other, so there is no outside: make them consistent")
+        format!(
+            "{place}: the faces at edges {list} have opposite winding, so there is no outside: make the normals \
+             consistent"
+        )
     }));
     let used: BTreeSet<u32> = triangles.iter().flatten().copied().collect();
     if used.len() < positions.len() {
@@ -179,11 +182,11 @@ fn problems_of_flat_faces(triangles: &[[u32; 3]], positions: &[Vec3], place: &st
     let farthest = lost.iter().filter_map(coarse).max_by(|a, b| a.0.total_cmp(&b.0));
     let lost = listed(lost.into_iter()).zip(farthest).map(|(list, (far, apart))| {
         let what = format!(
-            "faces between the points {list} have no area, so they have no outside: {far:.0} m from the origin, numbers of \
-             single precision are {apart:.1e} m apart, and points of a file fall together"
+            "faces between the points {list} have no area, so they have no outside: {far:.0} m from the origin, single \
+             precision resolves only {apart:.1e} m, and points of a file coincide"
         );
-        let advice = "bake the body near the origin, and put the distance into a transform above the mesh, which is of double \
-                      precision; shot.origin does not help, it is about what is written";
+        let advice = "bake the body near the origin, and put the distance into a transform above the mesh, which has \
+                      double precision; shot.origin does not help, it affects only the caches";
         Problem::data(place, what, advice)
     });
     let flat = listed(flat.into_iter()).map(|list| {
@@ -242,7 +245,7 @@ fn outside(motion: &InputMotion, span: Span) -> Option<Problem> {
     Some(Problem::data(
         format!("{} ({})", motion.label, motion.source.path().display()),
         format!(
-            "its samples reach from frame {first} to {last} at {fps:.6} fps, but frames {} to {} are to be simulated{own}",
+            "its samples cover frames {first} to {last} at {fps:.6} fps, but the simulation needs frames {} to {}{own}",
             span.timeline.origin, span.last_frame
         ),
         advice,
@@ -312,14 +315,14 @@ fn check_samples(
         if closed.as_ref().is_some_and(turned) {
             closed = None;
             let place = place(motion, span, time);
-            warnings.push(format!("{place}: the body is inside out: its sides are exchanged for as long as it is"));
+            warnings.push(format!("{place}: the body is inside out; its sides are swapped while that lasts"));
         }
         if let Some(vertex) = first_impossible(&positions).filter(|_| !bad_number) {
             bad_number = true;
             problems.push(Problem::data(
                 format!("{}, vertex {vertex}", place(motion, span, time)),
                 format!("its position is not a finite number, or beyond {FARTHEST:e} m"),
-                "find what breaks in that frame of the animation and export it again",
+                "correct that frame of the animation and export it again",
             ));
         }
     }

@@ -27,9 +27,9 @@ pub enum ShotError {
     Step(#[from] StepError),
     /// The run that the folder holds is one of another scene, or of other inputs.
     #[error(
-        "{}: this folder holds a run of the same name, but not of the same shot\n  {}\n  \
-         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes: frames \
-         after the last checkpoint are then simulated with the changes",
+        "{}: this folder holds a run of the same name, but of a different shot\n  {}\n  \
+         help: choose another folder with --out, start over with --overwrite, or resume anyway with \
+         --resume-with-changes: frames after the last checkpoint are then simulated with the changes",
         folder.display(), changes.join("\n  ")
     )]
     Changed {
@@ -40,9 +40,9 @@ pub enum ShotError {
     },
     /// The dependencies of the run that the folder holds are not known.
     #[error(
-        "{}: this file is missing or damaged, and only it says whether the run in this folder is of the same shot\n  \
-         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes, which takes \
-         everything as changed",
+        "{}: this file is missing or damaged, so it is unknown whether the run in this folder is of the same shot\n  \
+         help: choose another folder with --out, start over with --overwrite, or resume anyway with \
+         --resume-with-changes, which treats everything as changed",
         path.display()
     )]
     FingerprintLost {
@@ -51,9 +51,9 @@ pub enum ShotError {
     },
     /// The checkpoint that a run goes on from does not fit the shot as it is now.
     #[error(
-        "{}: this checkpoint is of another shot: {what}\n  \
-         help: --resume-with-changes continues with other numbers, and not with other meshes, garments or pins: start anew with \
-         --overwrite, or choose another folder with --out",
+        "{}: this checkpoint belongs to a different shot: {what}\n  \
+         help: --resume-with-changes accepts changed numbers, but not changed meshes, garments or pins: start over \
+         with --overwrite, or choose another folder with --out",
         path.display()
     )]
     OtherState {
@@ -66,7 +66,7 @@ pub enum ShotError {
     #[error(
         "{fault}\n  \
          help: resume from a checkpoint before this frame with --resume FRAME, leave --resume {asked} out to let the run find \
-         it, or start anew with --overwrite"
+         one, or start over with --overwrite"
     )]
     FrameChanged {
         /// The cache, the frame, and what is wrong.

@@ -26,10 +26,10 @@ const SILENCE: Duration = Duration::from_secs(10);
 pub(super) fn judge(planned: &PlannedSteps, min_dt: f64, warnings: &mut Vec<String>) -> Option<Problem> {
     let PlannedSteps { steps, longest, because } = planned;
     let what =
-        format!("a frame takes about {steps:.0} time steps, none longer than {longest:.2e} s, because of {because}");
+        format!("a frame takes about {steps:.0} time steps, none longer than {longest:.2e} s, limited by {because}");
     if *longest < min_dt {
         let what = format!(
-            "no time step may be longer than {longest:.2e} s, because of {because}, nor shorter than {min_dt:e} s"
+            "time steps can be no longer than {longest:.2e} s, limited by {because}, and no shorter than {min_dt:e} s"
         );
         return Some(Problem::scene("solver.min_dt", what, advice(because)));
     }
@@ -49,7 +49,7 @@ fn advice(because: &str) -> String {
     if because == PlannedSteps::STEPS_PER_FRAME {
         return "lower it".to_owned();
     }
-    "lower that stiffness, make the cloth heavier or its edges longer, or look whether a number has the wrong unit"
+    "lower that stiffness, make the cloth heavier or its edges longer, or check for a number in the wrong unit"
         .to_owned()
 }
 
@@ -122,6 +122,6 @@ mod tests {
         let (said, refused) = judged(4e8, 1e-7, "the stiffness of `membrane`");
         assert!(said.contains("`membrane`") && said.contains("help: lower that stiffness") && refused, "{said}");
         let (said, refused) = judged(100.0, 1e-12, "the stiffness of `membrane`");
-        assert!(said.contains("solver.min_dt: no time step may be longer than 1.00e-12 s") && refused, "{said}");
+        assert!(said.contains("solver.min_dt: time steps can be no longer than 1.00e-12 s") && refused, "{said}");
     }
 }

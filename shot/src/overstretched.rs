@@ -19,15 +19,16 @@ pub(super) fn news(reported: &mut f64, frame: &FrameRow) -> Option<String> {
     let (why, advice) = match (bodies.is_empty(), *pinched) {
         (true, 0) => (
             String::new(),
-            "shorter steps (solver.preset = \"hero\") follow fast motion, a [garment.strain_limit] stops it",
+            "take shorter steps for fast motion (solver.preset = \"hero\"), or limit the strain with \
+             [garment.strain_limit]",
         ),
         (true, pinched) => (
             format!("; {pinched} vertices are pinched between bodies"),
             "leave room for the cloth between the bodies there, or take shorter steps (solver.preset = \"hero\")",
         ),
         (false, pinched) => (
-            format!("; {pinched} vertices are pinched, body {} crosses itself", names()),
-            "mend the animation there, or take shorter steps (solver.preset = \"hero\")",
+            format!("; {pinched} vertices are pinched, body {} intersects itself", names()),
+            "correct the animation there, or take shorter steps (solver.preset = \"hero\")",
         ),
     };
     Some(format!(
@@ -54,7 +55,7 @@ mod tests {
         let mut reported = 0.0;
         let first = news(&mut reported, &frame(38, 2.0, 18, &["woman"])).expect("it is new");
         for part in
-            ["\"skirt\"", "frame 38", "vertices 7 and 9", "3.00 times", "18 vertices", "\"woman\" crosses itself"]
+            ["\"skirt\"", "frame 38", "vertices 7 and 9", "3.00 times", "18 vertices", "\"woman\" intersects itself"]
         {
             assert!(first.contains(part), "{part}: {first}");
         }

@@ -72,9 +72,10 @@ impl Shot {
 /// Says that a body covers pinned vertices at a frame.
 fn pins_in_body(frame: i64, PinInBody { garment, vertex, body, depth, count }: &PinInBody) -> String {
     format!(
-        "garment \"{garment}\", frame {frame}: body \"{body}\" covers pinned vertices ({count}, deepest is vertex {vertex} with \
-         {:.1} mm): both motions are prescribed, so the cloth between these and its free vertices intersects the body; pin them \
-         to the body (`to = \"body:{body}\"`), end the pin before that frame (`until`), or animate them outside of it",
+        "garment \"{garment}\", frame {frame}: body \"{body}\" covers pinned vertices ({count}, deepest is vertex \
+         {vertex} with {:.1} mm): both motions are prescribed, so the cloth between these and its free vertices \
+         intersects the body; pin them to the body (`to = \"body:{body}\"`), end the pin before that frame (`until`), \
+         or animate them outside the body",
         1e3 * depth
     )
 }

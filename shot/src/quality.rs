@@ -15,35 +15,35 @@ pub const LIMITS: &[(&str, &str)] = &[
     ),
     (
         "zone_fallbacks",
-        "collisions that no impact zone could resolve: that cloth was reset to its last collision-free \
+        "collisions that no impact zone could resolve: the cloth was reset to its last collision-free \
          positions",
     ),
     ("cg_short", "velocity solves that did not converge to their tolerance"),
-    ("retried_held", "collision steps in which vertices kept their positions, because no other attempt succeeded"),
+    ("retried_held", "collision steps in which vertices were held in place, because no other retry succeeded"),
     ("pairs_pinched", "contacts of cloth dropped because a body or pinned vertices pinch the cloth"),
     ("pins_behind", "pinned vertices that lagged behind their targets"),
     ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
     ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
     ("edges_overstretched", "edges at the end of a frame that are more than twice as long as at rest"),
-    ("body_pinched", "vertices pinched between bodies from both sides, inside of one of them"),
+    ("body_pinched", "vertices pinched between bodies from both sides, inside one of them"),
 ];
 
 /// Counts of what is tried, one after the other, when a step goes wrong, and in words. Those that are [`LIMITS`] too leave a mark in
 /// the result; steps that the others have mended are as good as any.
 pub const RETRIES: &[(&str, &str)] = &[
-    ("retried_shorter", "tried again with half the time step"),
-    ("retried_tighter", "tried again with tighter solves"),
-    ("retried_more_attempts", "tried again with more attempts to resolve collisions"),
-    ("retried_zones", "tried again with impact zones at once"),
-    ("retried_thinner", "tried again without repulsions around the vertices concerned"),
-    ("retried_held", "tried again with the vertices concerned held in place"),
+    ("retried_shorter", "retried with half the time step"),
+    ("retried_tighter", "retried with tighter solves"),
+    ("retried_more_attempts", "retried with more attempts to resolve collisions"),
+    ("retried_zones", "retried with impact zones from the start"),
+    ("retried_thinner", "retried without repulsion around the vertices concerned"),
+    ("retried_held", "retried with the vertices concerned held in place"),
 ];
 
 /// Counts of what is less exact than the method, and what each of them means. A run names them, and `--strict` accepts them: shorter
 /// steps have fewer.
 pub const INEXACT: &[(&str, &str)] = &[(
     "friction_unsettled",
-    "steps in which friction on bodies is not exact; solver.steps_per_frame makes them shorter",
+    "steps in which friction on bodies is not exact; a larger solver.steps_per_frame makes them shorter",
 )];
 
 /// Whether a count is one that a result answers for.

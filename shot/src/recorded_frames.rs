@@ -90,7 +90,7 @@ impl RecordedCache<'_> {
                 Some((index, _)) => fault_of(cache, mesh.frames.len() + index, digests, None),
             };
             if let Some(what) = what {
-                return Some(format!("sample {number} behind it: {what}"));
+                return Some(format!("sample {number} after it: {what}"));
             }
         }
         None
@@ -114,16 +114,16 @@ fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counte
     let faces = &cache.meshes[0].faces;
     let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
-    let differs = |what: &str| Some(format!("the {what} not those that were written"));
+    let differs = |what: &str, from: &str| Some(format!("the {what} do not match the {from}"));
     match () {
-        () if found.positions != digests.positions => differs("positions are"),
+        () if found.positions != digests.positions => differs("positions", "record"),
         // A run may have gone on without velocities; they are then in none of the frames.
-        () if found.velocities.is_some() && found.velocities != digests.velocities => differs("velocities are"),
-        () if normals.is_some_and(|normals| normals != of_points()) => differs("normals are"),
+        () if found.velocities.is_some() && found.velocities != digests.velocities => differs("velocities", "record"),
+        () if normals.is_some_and(|normals| normals != of_points()) => differs("normals", "points"),
         () if crossings.is_some_and(|stored| counted.is_some_and(|counted| u64::from(stored) != counted)) => {
-            Some("the number of intersections is not the one that was written".to_owned())
+            Some("the number of intersections does not match the record".to_owned())
         }
-        () if !has_bounds_of_points => Some("the bounds are not those of the points".to_owned()),
+        () if !has_bounds_of_points => differs("bounds", "points"),
         () => None,
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use drapery_core::Vec3;
 use drapery_core::geometry::surface_binding::SurfaceBinding;
 use drapery_core::mesh::{MeshStream, PolygonMesh, sides};
-use drapery_core::scene::is_possible;
+use drapery_core::scene::{FARTHEST, is_possible};
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
 use drapery_io::mesh_data::Connectivity;
@@ -83,7 +83,7 @@ impl RenderMesh {
         let cloth = garment.read()?;
         let mesh = described.mesh.read()?.mesh;
         if let Some(point) = mesh.points.iter().position(|point| !is_possible(point)) {
-            return Err(broken(format!("point {point} is at no possible place")));
+            return Err(broken(format!("the position of point {point} is not finite, or beyond {FARTHEST:e} m")));
         }
         let triangles = triangles_of(&cloth);
         let bind = |rigid: &[Vec<u32>]| {

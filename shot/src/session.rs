@@ -140,7 +140,7 @@ impl Session {
         }
         if self.sub_step > 0 {
             let advice = "advance to it first, or go back to a state at a frame";
-            return refuse(place, "this frame was begun with the body where it was".into(), advice);
+            return refuse(place, "this frame has already begun with the body at its old position".into(), advice);
         }
         self.moved[body].next = Some(positions.to_vec());
         Ok(())

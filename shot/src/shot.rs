@@ -316,15 +316,15 @@ fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>) -> Result<i64, ShotError
     if first != scene_first || last < scene_first {
         return Err(ShotError::Frames(format!(
             "frames {first}-{last}: cloth depends on the frames before, so a run starts at frame {scene_first}\n  \
-             help: ask for {scene_first}-{}, and take what you need of it; other frames of the scene are set by \
-             --set shot.frames=A-B",
+             help: ask for {scene_first}-{} and use the part that you need; --set shot.frames=A-B changes the frames \
+             of the scene",
             last.clamp(scene_first, scene_last.max(scene_first))
         )));
     }
     if last > scene_last {
         return Err(ShotError::Frames(format!(
             "frames {first}-{last}: the shot ends at frame {scene_last}\n  \
-             help: ask for {scene_first}-{scene_last}; if the scene is to be longer and its inputs are, make it so with \
+             help: ask for {scene_first}-{scene_last}, or extend the scene, if its inputs cover these frames, with \
              --set shot.frames={first}-{last}"
         )));
     }

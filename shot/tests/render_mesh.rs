@@ -178,7 +178,7 @@ fn a_bad_binding_is_told_before_anything_runs() {
     let mut broken = sheet(9, 1.005);
     broken.points[7].x = f64::NAN;
     let refused = Shot::prepare(flying(&["h5"], vec![render_mesh(broken, Vec::new())]), None).err().unwrap();
-    assert!(refused.to_string().contains("point 7 is at no possible place"), "{refused}");
+    assert!(refused.to_string().contains("the position of point 7 is not finite"), "{refused}");
 }
 
 #[test]

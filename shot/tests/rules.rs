@@ -237,9 +237,9 @@ fn an_up_axis_that_a_standing_body_or_gravity_contradicts_is_told_and_a_lying_bo
 fn a_frame_rate_other_than_that_of_the_file_is_told() {
     let at = |fps: &str| with(HERO).replace("frames = ", &format!("fps = \"{fps}\"\nframes = "));
     let (pal, ntsc) = (at("25"), at("23.976"));
-    let words = ["body \"hero\": ", "24 frames per second, and the shot has 25:", "write fps = \"24\" in [shot]"];
+    let words = ["body \"hero\": ", "24 frames per second, but the shot has 25:", "write fps = \"24\" in [shot]"];
     let states = |folder: &Path| hero(folder, STANDING, 24.0, true);
-    rule("frame_rate", states, &[(&pal, &words), (&ntsc, &["the file says 24", "24000/1001"])], &[&with(HERO)]);
+    rule("frame_rate", states, &[(&pal, &words), (&ntsc, &["the file states 24", "24000/1001"])], &[&with(HERO)]);
     let is_silent_about_it = |folder: &Path| hero(folder, STANDING, 24.0, false);
     rule("frame_rate", is_silent_about_it, &[(&pal, &["the samples of the file are at 24"])], &[&with(HERO)]);
     // Four samples to a frame, none of which the file calls frames.
@@ -258,8 +258,9 @@ fn a_thickness_that_short_edges_lower_is_told_with_what_is_left() {
         &[(
             &thick,
             &[
-                "garment \"sheet\": of a thickness of 60.000 mm, ",
-                " 33.333 mm at the least",
+                "garment \"sheet\": ",
+                " vertices keep less than the thickness of 60.000 mm, ",
+                "down to 33.333 mm",
                 "write thickness = \"33.333 mm\"",
             ],
         )],
@@ -281,7 +282,7 @@ fn friction_of_a_body_in_the_place_of_the_fabrics_is_told() {
         &[(
             &own("0.8"),
             &[
-                "body \"ball\": its friction 0.8 overrides that of the fabrics, 0.35 of cotton_shirting",
+                "body \"ball\": its friction 0.8 overrides the friction of the fabrics, 0.35 of cotton_shirting",
                 "friction = 0.35",
             ],
         )],
@@ -307,14 +308,14 @@ fn numbers_of_shapes_and_pins_in_the_units_of_the_files_are_told() {
         without_file,
         &[
             (&units(&ball("25")), &["body \"ball\": its radius is 25 m", "write radius = \"25 cm\", which is 0.25 m"]),
-            (&units(&ball("0.25")), &["body \"ball\": its position goes out to 30 m", "write position = [0, -0.3, 0]"]),
-            (&units(pin), &["garment \"sheet\", pin 0: its path goes 50 m", "up to 0.5"]),
+            (&units(&ball("0.25")), &["body \"ball\": its position reaches 30 m", "write position = [0, -0.3, 0]"]),
+            (&units(pin), &["garment \"sheet\", pin 0: its path reaches 50 m", "up to 0.5"]),
             (
                 &units("").replace("center = [5, 1, 0]", "side = 100, center = [5, 1, 0]"),
                 &["garment \"sheet\": it is 170 m"],
             ),
             (&z_up(wall), &["body \"ground\": it is a wall", "without a rotation"]),
-            (&pull("[0, -981, 0]"), &["gravity: 981 m/s² look like cm/s²", "acceleration = [0, -9.81, 0]"]),
+            (&pull("[0, -981, 0]"), &["gravity: 981 m/s² looks like cm/s²", "acceleration = [0, -9.81, 0]"]),
         ],
         &[
             &units(&near("0.25")),
@@ -337,7 +338,7 @@ fn caches_that_no_application_opens_are_told() {
         &[
             (
                 &with("[output]\nformat = [\"h5\"]\n"),
-                &["\"h5\" alone, which no application opens", "format = [\"abc\", \"h5\"]"],
+                &["only as \"h5\", which no application opens", "format = [\"abc\", \"h5\"]"],
             ),
             (&with("[output]\nformat = []\n"), &["output: no caches are written", "help: write format = [\"abc\"]"]),
         ],
@@ -375,7 +376,7 @@ fn a_garment_that_weighs_what_no_fabric_weighs_is_told() {
         without_file,
         &[
             (&weighs("150"), &["garment \"sheet\": its density is 150 kg/m²", "help: write density = \"150 g/m²\""]),
-            (&weighs("1e-4"), &["its density is 0.0001 kg/m²", "\"150 g/m²\", which is a shirt's"]),
+            (&weighs("1e-4"), &["its density is 0.0001 kg/m²", "\"150 g/m²\" for a shirt"]),
         ],
         &[&weighs("0.15"), &weighs("\"15 g/m²\""), &weighs("10.0")],
     );
@@ -400,12 +401,12 @@ fn garments_that_start_crossed_are_told_with_how_often_and_where() {
                 &second("[5.013, 1.017, 0.021]"),
                 &[
                     "garment \"s",
-                    "it crosses garment \"s",
+                    "it intersects garment \"s",
                     " pairs of an edge and a triangle; the first is edge ",
                     "move them apart",
                 ],
             ),
-            (&folded, &["garment \"sheet\": it crosses itself at the start, in ", "unfold it at the start"]),
+            (&folded, &["garment \"sheet\": it intersects itself at the start, in ", "unfold it at the start"]),
         ],
         &[
             &second("[5.013, 2.1, 0.021]"),
@@ -436,8 +437,8 @@ fn edges_that_start_far_too_long_or_without_length_are_told() {
         "start_lengths",
         poses,
         &[
-            (&jittered("0.5"), &["garment \"sheet\": of its ", " are too long, edge ", " times as long as at rest"]),
-            (&from_files("pose.obj"), &["garment \"sheet\": of its 56 edges, 1 have no length at the start"]),
+            (&jittered("0.5"), &[" edges, of which ", " are too long, edge ", " times as long as at rest"]),
+            (&from_files("pose.obj"), &["garment \"sheet\": 56 edges, of which 1 have no length at the start"]),
         ],
         &[&jittered("0.05"), &from_files("small.obj"), &from_files("rest.obj")],
     );

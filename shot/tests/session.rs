@@ -135,7 +135,7 @@ fn a_cancelled_frame_goes_on_and_states_come_back_with_the_same_bits() {
     paused.move_body(0, &hero_si(1003)).unwrap();
     let at_frame = paused.save().unwrap();
     assert_eq!(paused.next_frame(&mut || true).unwrap(), Progress::Cancelled);
-    assert!(paused.move_body(0, &hero_si(1003)).unwrap_err().to_string().contains("was begun"));
+    assert!(paused.move_body(0, &hero_si(1003)).unwrap_err().to_string().contains("has already begun"));
     let (within, file) = (paused.save().unwrap(), folder.path().join("within.h5"));
     paused.save_file(&file).unwrap();
     assert_eq!(paused.next_frame(&mut || false).unwrap(), Progress::Frame);
@@ -196,7 +196,7 @@ fn what_cannot_be_is_a_fault_with_object_frame_and_element_and_changes_nothing()
     other.meshes.insert("sheet", sheet(8)).unwrap();
     let mut other = self::session(&other);
     let refused = other.restore_file(&path).unwrap_err().to_string();
-    assert!(refused.contains("another shot") && refused.contains("memory:sheet"), "{refused}");
+    assert!(refused.contains("a different shot") && refused.contains("memory:sheet"), "{refused}");
     std::fs::write(&path, &std::fs::read(&path).unwrap()[..2000]).unwrap();
     assert_eq!(fault(other.restore_file(&path).unwrap_err()).0, FaultKind::BadInput);
     advance(&mut other, 1001, false);

@@ -338,7 +338,9 @@ fn faces_that_rounding_has_taken_far_from_the_origin_are_told_from_bad_ones() {
     };
     // Numbers of single precision are 1 mm apart there.
     let far = shrunk(1e4);
-    for part in ["body \"hero\"", "frame 1001", "1-2-0", "10000 m from the origin", "9.8e-4 m apart", "a transform"] {
+    for part in
+        ["body \"hero\"", "frame 1001", "1-2-0", "10000 m from the origin", "resolves only 9.8e-4 m", "a transform"]
+    {
         assert!(far.contains(part), "{part}: {far}");
     }
     assert!(!far.contains("delete these faces"), "{far}");
@@ -496,13 +498,13 @@ fn a_body_that_jumps_and_grows_is_said_with_its_frame_before_a_run() {
             points.iter_mut().for_each(|p| p[0] += 100.0);
         }
     });
-    assert!(jump.contains("body \"hero\"") && jump.contains("frame 1003: vertex 0 gets there at 2400 m/s"), "{jump}");
+    assert!(jump.contains("body \"hero\"") && jump.contains("frame 1003: vertex 0 moves at 2400 m/s"), "{jump}");
     let grown = warned(&|frame, points| {
         if frame == 1002 {
             points.iter_mut().flatten().for_each(|c| *c *= 3.0);
         }
     });
-    assert!(grown.contains("frame 1002: the body is 3.000 times the size it had a sample before"), "{grown}");
+    assert!(grown.contains("frame 1002: the body is 3.000 times as large as in the sample before"), "{grown}");
     let point = warned(&|frame, points| {
         if frame == 1002 {
             points.fill([0.0; 3]);

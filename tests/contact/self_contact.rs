@@ -396,7 +396,7 @@ fn strange_meshes_run_with_self_contact() {
         // Of two faces in one place, one takes no part; everything runs.
         let doubled = triangles.len() == 2;
         let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
-        assert_eq!(scene.warnings().iter().any(|warning| warning.contains("lie on other faces")), doubled);
+        assert_eq!(scene.warnings().iter().any(|warning| warning.contains("duplicate other faces")), doubled);
         let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
         run(&mut simulation, 3);
         assert!(all_positions(&simulation).iter().all(|p| p.iter().all(|c| c.is_finite())));

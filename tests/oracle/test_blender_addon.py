@@ -287,7 +287,7 @@ def test_a_run_after_cancel_kill_and_full_disk_has_the_bytes_of_one_that_was_lef
 
 def test_a_changed_scene_is_refused_and_kept_only_by_a_wish(long_run):
     _, _, reopened = long_run
-    assert reopened["refused"][0] == "True" and "not of the same shot" in reopened["refused"][1]
+    assert reopened["refused"][0] == "True" and "of a different shot" in reopened["refused"][1]
 
 
 def test_scripts_hear_how_it_ended(long_run):

@@ -77,7 +77,7 @@ def test_dumps_are_the_same_bytes_everywhere_and_change_no_cache(how, tmp_path):
         assert (tmp_path / "plain" / cache).read_bytes() == (again / cache).read_bytes(), cache
 
 
-@pytest.mark.parametrize("point, message", [("B.9", "there is no line"), ("B.4@x", "is no frame"), ("B.4@0", "frames 1-4")])
+@pytest.mark.parametrize("point, message", [("B.9", "there is no line"), ("B.4@x", "is neither a frame nor"), ("B.4@0", "frames 1-4")])
 def test_what_cannot_be_dumped_is_refused_before_anything_is_written(point, message, tmp_path):
     said = dump(tmp_path / "out", point, "--frames", "0-4", code=2)
     assert message in said

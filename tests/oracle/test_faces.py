@@ -211,7 +211,7 @@ def test_triangles_are_written_where_the_scene_asks_for_them_and_a_run_resumes_w
     for faces in (cut["face_indices"].reshape(-1, 3), archive["face_indices"].reshape(-1, 3)[:, ::-1]):
         np.testing.assert_array_equal(faces, quads["triangles"])
     np.testing.assert_array_equal(cut["triangles"], quads["triangles"])
-    assert "garments as the triangles that are simulated" in done(
+    assert "garments as simulated triangles" in done(
         "plan", folder / "scene.toml", "--set", 'output.faces="triangles"'
     )
     # And of a cache that is there.

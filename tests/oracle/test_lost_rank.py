@@ -152,7 +152,7 @@ def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole
     for rank, other in ((0, 1), (1, 0)):
         wait_until((folder / f"code.{rank}").exists, "a rank's shell is still there")
         said = (folder / f"words.{rank}").read_text()
-        assert re.search(rf"^Error: rank {other} of 2 \(\S+:\d+\) was not heard of for {TIMEOUT} s", said, re.MULTILINE), said
+        assert re.search(rf"^Error: rank {other} of 2 \(\S+:\d+\) sent no heartbeat for {TIMEOUT} s", said, re.MULTILINE), said
         assert int((folder / f"code.{rank}").read_text()) == RANK_LOST
     job.wait(timeout=PATIENCE)
     launcher = time.monotonic() - began
@@ -164,7 +164,7 @@ def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole
     assert ranks < 60 and launcher < 120
     # The folder says why, has a checkpoint, and is free.
     found = status(out)
-    assert found["state"] == "failed" and re.match(r"rank 1 of 2 \(\S+:\d+\) was not heard of", found["error"]), found
+    assert found["state"] == "failed" and re.match(r"rank 1 of 2 \(\S+:\d+\) sent no heartbeat", found["error"]), found
     assert found["checkpoint"]["frame"] >= 1 and not (out / "lock.json").exists()
     before = last_frame(out)
     assert before < LONG.last
@@ -196,7 +196,7 @@ def test_a_rank_that_stands_still_is_lost_and_the_others_end(whole, tmp_path, re
     job.wait(timeout=PATIENCE)
     report_figure(f"mpirun ended {time.monotonic() - began:.1f} s after rank {lost} stood still")
     said = (tmp_path / "out.words").read_text()
-    assert re.search(rf"^Error: rank {lost} of 3 \(\S+:{found[lost]}\) was not heard of for {TIMEOUT} s", said, re.MULTILINE), said
+    assert re.search(rf"^Error: rank {lost} of 3 \(\S+:{found[lost]}\) sent no heartbeat for {TIMEOUT} s", said, re.MULTILINE), said
     assert job.returncode == RANK_LOST, said
     wait_until(lambda: not any(map(running, found.values())), "a rank is still there")
     # Rank 0 writes why; where it is the one that is lost, nobody else does, and the process is seen to be gone.

@@ -165,7 +165,7 @@ def test_a_sample_that_has_changed_on_the_disk_is_noticed(shot, tmp_path):
         place = good.index(stored) + 100
         path.write_bytes(good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :])
         said = subprocess.run([DRAPERY, "verify", "--record", out], capture_output=True, text=True)
-        assert said.returncode == 82 and "frame 1003: sample 2 behind it: the positions are not" in said.stderr, said
+        assert said.returncode == 82 and "frame 1003: sample 2 after it: the positions do not match" in said.stderr, said
         path.write_bytes(good)
     assert subprocess.run([DRAPERY, "verify", "--record", out], capture_output=True).returncode == 0
     # A run that goes on notices too, and goes back.
@@ -176,7 +176,7 @@ def test_a_sample_that_has_changed_on_the_disk_is_noticed(shot, tmp_path):
     place = good.index(stored) + 100
     (clips / "1003_2.usdc").write_bytes(good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :])
     said = run.run(out)
-    assert "frame 1003: sample 2 behind it" in said, said
+    assert "frame 1003: sample 2 after it" in said, said
     assert everything(out) == everything(shot)
 
 
@@ -253,7 +253,7 @@ def test_samples_between_frames_are_compared(shot, tmp_path):
     assert good.count(stored.tobytes()) == 1
     cache.write_bytes(good.replace(stored.tobytes(), moved.tobytes()))
     said = subprocess.run([DRAPERY, "diff", shot / "flag.abc", cache], capture_output=True, text=True)
-    assert said.returncode == 1 and "farthest: vertex 5" in said.stdout and "frame 1003.75, 5.000e0 m" in said.stdout, said
+    assert said.returncode == 1 and "largest difference: vertex 5" in said.stdout and "frame 1003.75, 5.000e0 m" in said.stdout, said
     # What a format cannot hold is no difference; what a cache lacks is.
     whole = subprocess.run([DRAPERY, "diff", shot / "flag.abc", shot / "flag.h5"], capture_output=True, text=True)
     assert whole.returncode == 0, whole

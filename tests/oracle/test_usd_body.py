@@ -121,7 +121,7 @@ def test_a_body_from_usd_gives_the_caches_of_the_same_body_from_alembic(tmp_path
 def test_units_that_contradict_the_file_are_told(tmp_path):
     done = run(tmp_path, WOMAN / "body_lowres.usdc", '[units]\nlength = "cm"\nup = "Z"', command="check")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "the file says metres, Y up, and is read so" in done.stdout + done.stderr
+    assert "the file states metres, Y up, which overrides [units]" in done.stdout + done.stderr
 
 
 def test_a_body_that_ends_too_early_or_changes_its_points_is_refused_by_name(tmp_path):

@@ -115,7 +115,7 @@ fn a_map_of_a_membrane_is_a_share_of_all_its_moduli() {
     assert_eq!(state_after(painted), state_after(falling(4.0)));
     let mut absolute = falling(1.0);
     absolute.garments[0].maps.insert("membrane".into(), uniform(4.0, true));
-    assert!(Scene::validate(absolute).unwrap_err().to_string().contains("share"));
+    assert!(Scene::validate(absolute).unwrap_err().to_string().contains("factor without a unit"));
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn a_broken_map_is_refused_with_its_name_and_vertex() {
     let mut description = blown(1.0);
     description.effects.retain(|effect| effect.effect != "wind");
     description.garments[0].maps.insert("wind".into(), uniform(1.0, false));
-    assert!(Scene::validate(description).unwrap_err().to_string().contains("nothing in this scene looks at it"));
+    assert!(Scene::validate(description).unwrap_err().to_string().contains("nothing in this scene uses it"));
     let mut description = blown(1.0);
     description.effects.iter_mut().for_each(|effect| drop(effect.settings.remove("compression")));
     description.garments[0].maps.insert("compression".into(), uniform(1.0, false));

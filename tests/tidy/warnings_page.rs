@@ -15,7 +15,7 @@ const HEAD: &str = "# Warnings before a run
 rule, says what it found in which object, and shows the line to write:
 
 ```text
-WARN frame_rate: body \"hero\": hero.abc: the file says 24 frames per second, and the shot has 25: frames of the shot are not those of the file
+WARN frame_rate: body \"hero\": hero.abc: the file states 24 frames per second, but the shot has 25: their frames do not line up
   help: write fps = \"24\" in [shot]
 ```
 

@@ -112,7 +112,7 @@ impl Pair {
         let matched = a.iter().enumerate().filter_map(|(i, mesh)| Some((i, place(b, &mesh.name)?))).collect();
         let lacking = |meshes: &[CacheMesh], others: &[CacheMesh], side: &str| -> Vec<String> {
             let missing = meshes.iter().filter(|mesh| place(others, &mesh.name).is_none());
-            missing.map(|mesh| format!("mesh {} is only in the {side}", mesh.name)).collect()
+            missing.map(|mesh| format!("mesh {} exists only in the {side} cache", mesh.name)).collect()
         };
         let notes = [lacking(a, b, "first"), lacking(b, a, "second")].concat();
         self.notes.extend(notes);

@@ -35,7 +35,7 @@ pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparis
             .push(format!("frame {frame_a} + {step_a} steps in the first, frame {frame_b} + {step_b} in the second"));
     }
     if first.head.digests != second.head.digests {
-        part.notes.push("they are of shots with other inputs, settings or versions".to_owned());
+        part.notes.push("the checkpoints belong to shots with different inputs, settings or versions".to_owned());
     }
     compare_sections(&first.snapshot.sections, &second.snapshot.sections, first.head.frame, &mut part);
     let largest = part.worst.as_ref().map_or(0.0, |worst| worst.distance);
@@ -75,7 +75,8 @@ fn compare_sections(a: &[Section], b: &[Section], frame: i64, part: &mut PartCom
 /// Lists the names that only one side has, with the side.
 fn missing(a: Vec<String>, b: Vec<String>) -> Vec<String> {
     let only = |these: &[String], others: &[String], side: &str| -> Vec<String> {
-        these.iter().filter(|name| !others.contains(name)).map(|name| format!("{name} is only in the {side}")).collect()
+        let lone = these.iter().filter(|name| !others.contains(name));
+        lone.map(|name| format!("{name} exists only in the {side} checkpoint")).collect()
     };
     [only(&a, &b, "first"), only(&b, &a, "second")].concat()
 }
@@ -87,7 +88,7 @@ fn compare_datasets(section: &str, a: &Dataset, b: &Dataset, frame: i64, part: &
         return;
     }
     let Some(found) = differences(&a.values, &b.values) else {
-        part.notes.push(format!("array {name} holds values of another type"));
+        part.notes.push(format!("the values of array {name} differ in type"));
         return;
     };
     if found.count == 0 {

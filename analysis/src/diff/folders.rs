@@ -40,7 +40,7 @@ fn partner<'a>(file: &Path, others: &'a [PathBuf]) -> Option<&'a PathBuf> {
 /// A cache that only one of the folders has.
 fn lone(file: &Path, other: &Path, side: &str) -> PartComparison {
     let mut part = PartComparison::new(file, other, Verdict::Differs);
-    part.notes.push(format!("the {side} folder has no such cache"));
+    part.notes.push(format!("this cache is missing from the {side} folder"));
     part
 }
 

@@ -29,9 +29,9 @@ const NARROW_COLUMNS: usize = 140;
 /// Contacts that are drawn: count, title.
 const CONTACTS: [(&str, &str); 4] = [
     ("repulsions", "repulsions (close pairs of cloth, all passes)"),
-    ("collision_hits", "collisions (pairs of cloth that met)"),
+    ("collision_hits", "collisions (colliding pairs of cloth)"),
     ("zones", "impact zones"),
-    ("body_contacts", "vertices on bodies, all steps"),
+    ("body_contacts", "vertices in contact with bodies, summed over steps"),
 ];
 
 /// All charts of a run that has simulated at least one frame.
@@ -70,31 +70,31 @@ fn time(folder: &RunFolder, rows: &[FrameRow]) -> String {
     chart.steps("f0", &below, &rest);
     chart.tips(|column| {
         let mut tip = text::frames(column.first, column.last);
-        let mean_of = if column.rows.len() > 1 { " a frame" } else { "" };
+        let mean_of = if column.rows.len() > 1 { " per frame" } else { "" };
         tip += &format!(": {}{mean_of}", text::seconds(over(column, &|row| row.seconds)));
         for name in &stages {
             tip += &format!("\n{name}: {}", text::seconds(over(column, &|row| per_stage(row, name))));
         }
         tip
     });
-    legend.push(("f0".to_owned(), "everything else: other stages, reading, writing"));
-    let drawing = chart.finish("seconds a frame by stage", &lanes(folder, rows, &columns));
+    legend.push(("f0".to_owned(), "other stages, reading, writing"));
+    let drawing = chart.finish("seconds per frame by stage", &lanes(folder, rows, &columns));
     let legend: Vec<(&str, &str)> = legend.iter().map(|(class, name)| (class.as_str(), *name)).collect();
-    card("Seconds a frame, by stage", &bucketed(&columns, "mean"), &legend, &drawing)
+    card("Seconds per frame, by stage", &bucketed(&columns, "mean"), &legend, &drawing)
 }
 
 /// Says how many frames share a column.
 fn bucketed(columns: &[Column], how: &str) -> String {
     match columns.iter().map(|column| column.rows.len()).max() {
         None | Some(0 | 1) => String::new(),
-        Some(most) => format!("A column is the {how} of up to {most} frames."),
+        Some(most) => format!("Each column shows the {how} of up to {most} frames."),
     }
 }
 
 /// Rows of marks: degradations, checkpoints, and where the run stopped and went on.
 fn lanes(folder: &RunFolder, rows: &[FrameRow], columns: &[Column]) -> Vec<Lane> {
     let at = |frame: i64| columns.partition_point(|column| column.last < frame).min(columns.len() - 1);
-    let mut degraded = Lane { name: "degraded", class: "bad", marks: Vec::new() };
+    let mut degraded = Lane { name: "degradation", class: "bad", marks: Vec::new() };
     for (index, column) in columns.iter().enumerate() {
         let words: Vec<String> = LIMITS.iter().filter_map(|(name, _)| amount_of(rows, column, name)).collect();
         if !words.is_empty() {
@@ -183,8 +183,8 @@ impl Draw<'_> {
         };
         let steps = |row: &FrameRow| Some(row.steps as f64);
         let iterations = |row: &FrameRow| Some(row.cg_iterations as f64);
-        let upper = self.peaks((LOW, "time steps a frame", "l1"), counts, steps, label, tip)?;
-        let lower = self.peaks((LOW, "solver iterations a frame", "l2"), counts, iterations, label, tip)?;
+        let upper = self.peaks((LOW, "time steps per frame", "l1"), counts, steps, label, tip)?;
+        let lower = self.peaks((LOW, "solver iterations per frame", "l2"), counts, iterations, label, tip)?;
         let drawing = format!("<h4>time steps</h4>{upper}<h4>iterations of conjugate gradients</h4>{lower}");
         Some(card("Steps and iterations", &bucketed(self.columns, "largest value"), &[], &drawing))
     }
@@ -226,7 +226,8 @@ impl Draw<'_> {
         };
         let drawing = self.peaks((NARROW, "largest strain", "l4"), numbers, value, label, tip)?;
         let columns = bucketed(self.columns, "largest value");
-        let note = format!("Extension of the most stretched edge of all garments, by its rest length. {columns}");
+        let note =
+            format!("Strain of the most stretched edge of all garments: extension divided by rest length. {columns}");
         Some(card("Largest strain", &note, &[], &drawing))
     }
 
@@ -251,7 +252,7 @@ impl Draw<'_> {
             },
         );
         let drawing = chart.finish("kinetic, potential and total energy", &[]);
-        let legend = [("f1", "kinetic"), ("f2", "potential: elastic and weight"), ("f0", "sum")];
+        let legend = [("f1", "kinetic"), ("f2", "potential: elastic and gravitational"), ("f0", "sum")];
         Some(card("Energy", &bucketed(self.columns, "mean"), &legend, &drawing))
     }
 
@@ -271,7 +272,7 @@ impl Draw<'_> {
                 drawing += &format!("<h4>{}</h4>{svg}", escape(title));
             }
         }
-        let note = format!("Counts a frame. {}", bucketed(self.columns, "largest value"));
+        let note = format!("Counts per frame. {}", bucketed(self.columns, "largest value"));
         (!drawing.is_empty()).then(|| card("Contacts", &note, &[], &drawing))
     }
 

@@ -47,7 +47,7 @@ pub struct Status {
     pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
     pub degradations: Vec<Degradation>,
-    /// Attempts at steps that went wrong and succeeded in the end: they cost time and leave no mark.
+    /// Retries of failed collision steps, without those that hold vertices in place: these are among the degradations.
     pub steps_tried_again: u64,
     /// Frames whose counts are not known, as ranges: nobody can say whether these hold more such counts.
     pub uncounted: Vec<[i64; 2]>,
@@ -158,10 +158,11 @@ pub fn degradations(folder: &RunFolder) -> Vec<Degradation> {
     LIMITS.iter().filter_map(summed).collect()
 }
 
-/// Number of attempts that mended a step without leaving a mark in the result, and the first frame with one.
+/// Number of retries of failed collision steps that are no limits, and the first frame with one. A step that no such retry helped has
+/// them, too.
 pub fn retries(folder: &RunFolder) -> Option<(u64, i64)> {
-    let mended = RETRIES.iter().map(|(name, _)| *name).filter(|name| !is_limit(name));
-    let of_row = |row: &FrameRow| mended.clone().fold(0, |sum: u64, name| sum.saturating_add(row.amount(name)));
+    let names = RETRIES.iter().map(|(name, _)| *name).filter(|name| !is_limit(name));
+    let of_row = |row: &FrameRow| names.clone().fold(0, |sum: u64, name| sum.saturating_add(row.amount(name)));
     let amounts = folder.record.frames.iter().map(|row| (row.frame, of_row(row))).filter(|(_, amount)| *amount > 0);
     amounts.fold(None, |found: Option<(u64, i64)>, (frame, amount)| match found {
         Some((total, first)) => Some((total.saturating_add(amount), first)),

@@ -20,7 +20,7 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
     let inexact = inexact(run);
     if found.is_empty() {
         return format!(
-            "<section><h2>Degradations</h2><div class=\"card\"><p class=\"none\">None: every limit is kept in every \
+            "<section><h2>Degradations</h2><div class=\"card\"><p class=\"none\">None: no limit is exceeded in any \
              frame.</p>{inexact}</div></section>\n"
         );
     }
@@ -78,17 +78,17 @@ pub(super) fn retries(run: &RunFolder) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let note = "<p>A step that goes wrong is taken back and tried again, each time more carefully. Steps that succeed in the end are as \
-                good as any; what left a mark in the result is under Degradations.</p>";
+    let note = "<p>A collision step that fails is rolled back and retried with more careful settings. A step that succeeds on a \
+                retry has full quality; effects on the result are listed under Degradations.</p>";
     let heads = [
         words("count"),
-        words("what was done"),
+        words("action"),
         number("total"),
         number("frames"),
         number("first frame"),
-        words("what went wrong, in events that were kept"),
+        words("cause, from the recorded events"),
     ];
-    section("Steps that went wrong", note, &heads, &rows)
+    section("Retried steps", note, &heads, &rows)
 }
 
 /// Failures that led to a level of retries, with the number of events of each.
@@ -131,10 +131,10 @@ pub(super) fn strains(rows: &[FrameRow]) -> String {
         let [first, second] = frames;
         vec![words(garment), percent(largest.0), first, percent(most.0), second]
     };
-    let note = "<p>Extension of edges by their rest lengths at the ends of frames: the most stretched edge, and the one that one in a \
-                thousand exceeds, each in its worst frame.</p>";
+    let note = "<p>Strain of edges at the end of each frame (extension divided by rest length): the largest, and the 99.9th \
+                percentile, each in its worst frame.</p>";
     let heads =
-        [words("garment"), number("largest"), number("in frame"), number("99.9 % stay below"), number("in frame")];
+        [words("garment"), number("largest"), number("in frame"), number("99.9th percentile"), number("in frame")];
     section("Strain by garment", note, &heads, &worst.iter().map(line).collect::<Vec<_>>())
 }
 
@@ -161,11 +161,11 @@ pub(super) fn stages(rows: &[FrameRow]) -> String {
         totals.iter().map(|stage| stage_row(&stage.stage, stage.seconds, whole, text::count(stage.calls))).collect();
     if !lines.is_empty() {
         let rest = (whole - staged).max(0.0);
-        lines.push(stage_row("everything else: reading, checking, writing", rest, whole, String::new()));
+        lines.push(stage_row("other: reading, checking, writing", rest, whole, String::new()));
     }
     let mut heads = vec![words("stage"), number("time"), number("share"), words(""), number("calls")];
     if totals.iter().any(|stage| stage.over_ranks.is_some()) {
-        heads.extend([number("least of a rank"), number("most of a rank")]);
+        heads.extend([number("min over ranks"), number("max over ranks")]);
         let spreads = totals.iter().map(|stage| stage.over_ranks).chain([None]);
         for (line, spread) in lines.iter_mut().zip(spreads) {
             let seconds = |of: fn(&OverRanks) -> f64| spread.as_ref().map_or(String::new(), |s| text::seconds(of(s)));
@@ -205,16 +205,16 @@ pub(super) fn attempts(run: &RunFolder) -> String {
                 frame(Some(attempt.first_frame)),
                 frame(attempt.last_frame),
                 number(text::seconds(attempt.seconds)),
-                words(attempt.end.as_deref().unwrap_or("no message: it runs, or was killed")),
+                words(attempt.end.as_deref().unwrap_or("none: still running, or killed")),
             ]
         })
         .collect();
     let heads = [
         number("attempt"),
-        words("begun"),
+        words("started"),
         words("process"),
         number("ranks"),
-        number("threads of each"),
+        number("threads per rank"),
         number("first frame"),
         number("last frame"),
         number("time"),
@@ -244,8 +244,7 @@ fn checkpoints(run: &RunFolder) -> String {
         let whole: f64 = run.record.frames.iter().map(|row| row.seconds).sum();
         let share = 100.0 * seconds / whole.max(f64::MIN_POSITIVE);
         text += &format!(
-            "<p>{} checkpoints written in {} ({share:.1} % of the time of all frames), \
-             the slowest in {}, the largest {}.</p>",
+            "<p>{} checkpoints written in {} ({share:.1} % of the time of all frames); slowest {}, largest {}.</p>",
             text::count(count),
             text::seconds(seconds),
             text::seconds(slowest),
@@ -254,7 +253,7 @@ fn checkpoints(run: &RunFolder) -> String {
     }
     if let Some(last) = &run.manifest.checkpoint {
         let steps = if last.sub_step == 0 { String::new() } else { format!(" and {} steps", last.sub_step) };
-        text += &format!("<p>Last one: frame {}{steps}, <code>{}</code>.</p>", last.frame, escape(&last.file));
+        text += &format!("<p>Latest: frame {}{steps}, <code>{}</code>.</p>", last.frame, escape(&last.file));
     }
     text
 }
@@ -273,7 +272,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
     ];
     if run.record.unreadable > 0 {
         let lines = run.record.unreadable;
-        facts.push(("record", format!("{lines} lines of run.jsonl could not be understood and are left out")));
+        facts.push(("record", format!("{lines} lines of run.jsonl could not be parsed and were skipped")));
     }
     let set = scene.as_deref().map(set_by_hand).unwrap_or_default();
     if !set.is_empty() {
@@ -291,7 +290,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         ]
     };
     let effects: Vec<Vec<Cell>> = run.record.header.effects.iter().map(effect).collect();
-    let heads = [words("effect"), words("garment"), words("why it is there"), number("memory")];
+    let heads = [words("effect"), words("garment"), words("reason"), number("memory")];
     page += &section("Effects, in the order of execution", "", &heads, &effects);
     let totals: Vec<Vec<Cell>> = run
         .record
@@ -308,8 +307,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         let shown: String = scene.chars().take(SCENE_LETTERS).collect();
         let rest = if shown.len() < scene.len() { "\n… the rest is in resolved.toml" } else { "" };
         folded += &format!(
-            "<div class=\"card\"><details><summary>The scene as it was run, every default written out</summary>\
-             <pre>{}{rest}</pre></details></div>",
+            "<div class=\"card\"><details><summary>Resolved scene, with all defaults</summary><pre>{}{rest}</pre></details></div>",
             escape(&shown)
         );
     }
@@ -353,9 +351,9 @@ mod tests {
             stages: vec![StageRow { stage: "dt".into(), seconds: 1.5, calls: 1, over_ranks }],
             ..FrameRow::default()
         };
-        assert!(!stages(&[row(None)]).contains("of a rank"));
+        assert!(!stages(&[row(None)]).contains("over ranks"));
         let page = stages(&[row(Some(OverRanks { min: 1.0, max: 2.0 })), row(Some(OverRanks { min: 0.5, max: 3.0 }))]);
         let [least, most] = [1.5, 5.0].map(|seconds| format!(">{}</td>", text::seconds(seconds)));
-        assert!(page.contains("most of a rank") && page.contains(&(least + "<td class=\"n\"" + &most)), "{page}");
+        assert!(page.contains("max over ranks") && page.contains(&(least + "<td class=\"n\"" + &most)), "{page}");
     }
 }

@@ -14,13 +14,13 @@ pub(super) fn words(study: &Study) -> Vec<String> {
     let missing: f64 = study.omitted.iter().map(|omission| omission.seconds).sum();
     if study.reference().is_none() && !study.omitted.is_empty() {
         words.push(format!(
-            "There was no time for a reference, so no error is known. Run the study again with --max-wall {} to resume \
-             it.",
+            "The time limit left no room for a reference run, so no errors are known. Run the study again with --max-wall {} \
+             to resume it.",
             argument(ROOM * missing)
         ));
     } else if !study.omitted.is_empty() {
         words.push(format!(
-            "{} left out for lack of time, see below. Run the study again with --max-wall {} to resume it.",
+            "{} skipped because of the time limit, see below. Run the study again with --max-wall {} to resume it.",
             runs(study),
             argument(ROOM * missing)
         ));
@@ -29,12 +29,12 @@ pub(super) fn words(study: &Study) -> Vec<String> {
         let share = (end - study.scene.start) as f64 / (last - study.scene.start).max(1) as f64;
         let done: f64 = study.samples.iter().map(|sample| sample.cost.with_overhead).sum();
         let why = match study.asked.frames {
-            Some(_) => "as asked for".to_owned(),
+            Some(_) => "as requested".to_owned(),
             None => format!("as many as --max-wall {} allows", argument(study.limit)),
         };
         words.push(format!(
-            "Studied: {} of {first} to {end}, {why}. What happens later in the shot is in none of these figures. All runs \
-             over all frames: --frames {first}-{end} --max-wall {} --overwrite.",
+            "Studied: {} of {first} to {end}, {why}. The figures do not cover later frames. To study all frames: \
+             --frames {first}-{end} --max-wall {} --overwrite.",
             text::frames(study.scene.start + 1, last),
             argument(ROOM * (done + missing) * share)
         ));
@@ -45,7 +45,7 @@ pub(super) fn words(study: &Study) -> Vec<String> {
 /// Returns the number of missing runs, as the start of a sentence.
 fn runs(study: &Study) -> String {
     match study.omitted.iter().filter(|omission| !omission.are_repeats).count() {
-        0 => "Repeats that tell how steady times are were".to_owned(),
+        0 => "Repeats that measure the spread of times were".to_owned(),
         1 => "One run was".to_owned(),
         some => format!("{some} runs were"),
     }

@@ -73,7 +73,7 @@ fn worst(
     allowed: (f64, &str),
 ) -> Check {
     if study.outside.mass <= 0.0 {
-        return Check::new(name, None, "the record does not say what acts from outside".to_owned());
+        return Check::new(name, None, "external forces are not recorded".to_owned());
     }
     if !acting.is_empty() {
         let why = format!("{why_not} {}", acting.join(", "));
@@ -81,10 +81,10 @@ fn worst(
     }
     let all = runs(study).filter_map(|sample| off(sample).map(|off| (off, sample)));
     let Some((off, sample)) = all.max_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return Check::new(name, None, "there are no two frames to compare, or nothing moved".to_owned());
+        return Check::new(name, None, "fewer than two frames to compare, or no motion".to_owned());
     };
     let why = format!(
-        "off by {} of {}, with \"{}\"; {} is allowed",
+        "deviates by {} of {}, in \"{}\"; {} is allowed",
         share(off),
         allowed.1,
         sample.setting.label,
@@ -98,7 +98,7 @@ fn share(share: f64) -> String {
     if share > 0.0 && share < 1e-4 { format!("{share:.1e}") } else { format!("{} %", text::digits(100.0 * share)) }
 }
 
-/// Momentum is what gravity makes it.
+/// Momentum changes by gravity alone.
 pub(super) fn momentum(study: &Study) -> Check {
     let Outside { mass, gravity, pushes, .. } = &study.outside;
     let impulse = Vec3::from(*gravity) * *mass;
@@ -111,10 +111,10 @@ pub(super) fn momentum(study: &Study) -> Check {
         (largest > 0.0).then(|| farthest / (2.0 * mass * largest).sqrt())
     };
     let allowed = (MOMENTUM, "the largest momentum");
-    worst("Momentum is what gravity makes it", study, (pushes, "pushed from outside by"), off, allowed)
+    worst("Momentum changes by gravity alone", study, (pushes, "external forces:"), off, allowed)
 }
 
-/// No energy appears.
+/// Energy does not grow.
 pub(super) fn energy(study: &Study) -> Check {
     let off = |sample: &Sample| {
         let largest = sample.figures.iter().map(|figures| figures.kinetic_energy).fold(0.0, f64::max);
@@ -127,8 +127,8 @@ pub(super) fn energy(study: &Study) -> Check {
         }
         grown.filter(|_| largest > 0.0).map(|grown| grown / largest)
     };
-    let allowed = (ENERGY, "the largest energy of motion");
-    worst("No energy appears from nowhere", study, (&study.outside.works, "work is done from outside by"), off, allowed)
+    let allowed = (ENERGY, "the largest kinetic energy");
+    worst("Energy does not grow", study, (&study.outside.works, "external work:"), off, allowed)
 }
 
 #[cfg(test)]
@@ -184,7 +184,7 @@ mod tests {
         let mut study = fall();
         study.outside.pushes = vec!["body_collision".into(), "pins".into()];
         study.outside.works = vec!["pins".into()];
-        assert_eq!(momentum(&study).why, "pushed from outside by body_collision, pins");
+        assert_eq!(momentum(&study).why, "external forces: body_collision, pins");
         assert_eq!([momentum(&study).verdict, energy(&study).verdict], [Verdict::NotApplicable; 2]);
         study.outside = Outside::default();
         assert_eq!([momentum(&study).verdict, energy(&study).verdict], [Verdict::Unknown; 2]);

@@ -44,10 +44,10 @@ fn reference(analysis: &Analysis<'_>) -> Check {
     let name = "The reference is converged";
     let base = analysis.rows.first().and_then(|row| row.error);
     let (Some(own), Some(base)) = (analysis.own, base) else {
-        return Check::new(name, None, "there was no time for the reference and the runs that check it".to_owned());
+        return Check::new(name, None, "the time limit left no room for the reference and its checks".to_owned());
     };
     let rms = base.rms.max(f64::MIN_POSITIVE);
-    let why = format!("own error {}, {} % of that of the scene as it is", millimetres(own), percent(own / rms));
+    let why = format!("self-error {}, {} % of the error of the scene as it is", millimetres(own), percent(own / rms));
     Check::new(name, Some(base.validity != Validity::NotConverged), why)
 }
 
@@ -62,9 +62,9 @@ fn by_step<'a, 'b>(study: &Study, analysis: &'b Analysis<'a>) -> Vec<Vec<&'b Row
     groups
 }
 
-/// Shorter steps bring less error, as long as it can be told.
+/// Shorter steps reduce the error, as long as the reference resolves it.
 fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
-    let name = "Shorter steps bring less error";
+    let name = "Shorter steps reduce the error";
     let groups = by_step(study, analysis);
     let valid = |row: &&Row<'_>| row.error.filter(|error| error.validity == Validity::Yes);
     let mut pairs = 0;
@@ -74,7 +74,7 @@ fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
         if fine.rms > coarse.rms {
             let [coarser, finer] = [0, 1].map(|at| &pair[at].sample.setting.label);
             let why = format!(
-                "{} with \"{coarser}\" and {} with \"{finer}\": something else decides the error, such as cg_tolerance",
+                "{} with \"{coarser}\" and {} with \"{finer}\": another setting limits the error, such as cg_tolerance",
                 millimetres(coarse.rms),
                 millimetres(fine.rms)
             );
@@ -82,16 +82,16 @@ fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
         }
     }
     match pairs {
-        0 => Check::new(name, None, "no two such settings have an error that can be resolved".to_owned()),
-        1 => Check::new(name, Some(true), "in the one pair of settings whose errors can be resolved".to_owned()),
-        some => Check::new(name, Some(true), format!("in all {some} pairs of settings whose errors can be resolved")),
+        0 => Check::new(name, None, "no pair of settings has errors that the reference resolves".to_owned()),
+        1 => Check::new(name, Some(true), "in the one pair of settings with resolved errors".to_owned()),
+        some => Check::new(name, Some(true), format!("in all {some} pairs of settings with resolved errors")),
     }
 }
 
 /// Checks whether the error of earlier frames holds for later ones as well, with the recommended setting, or else
 /// with the scene as it is.
 fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
-    let name = "The error holds for later frames";
+    let name = "The error is representative of later frames";
     let unknown = |why: &str| Check::new(name, None, why.to_owned());
     if analysis.window < SPLIT {
         return unknown("too few frames were compared");
@@ -105,7 +105,7 @@ fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
     let (Some(earlier), Some(later)) = (earlier, later) else { return unknown("there is no reference") };
     let ratio = later.rms / earlier.rms.max(f64::MIN_POSITIVE);
     let why = format!(
-        "\"{}\": {} over the last {} compared frames, {} times what the {split} before say",
+        "\"{}\": {} over the last {} compared frames, {} times the error of the {split} before",
         row.sample.setting.label,
         millimetres(later.rms),
         analysis.window - split,
@@ -116,7 +116,7 @@ fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
 
 /// Runs of one setting, and runs on other numbers of threads and ranks, have the same bits.
 fn same_bits(study: &Study) -> Check {
-    let name = "Repeats and other numbers of threads and ranks give the same bits";
+    let name = "Repeats and different numbers of threads and ranks give the same bits";
     let first = |of: &Sample| {
         let is_first = |sample: &&Sample| match of.role {
             Role::Threads => sample.role == Role::Base && sample.is_own(),
@@ -137,13 +137,14 @@ fn same_bits(study: &Study) -> Check {
     match (all.len(), other.first()) {
         (0, _) => Check::new(name, None, "nothing was run twice".to_owned()),
         (_, Some(sample)) => {
-            let why =
-                format!("\"{}\" does not: please report this, it is a fault of the program", sample.setting.label);
+            let why = format!("\"{}\" differs: please report this bug", sample.setting.label);
             Check::new(name, Some(false), why)
         }
         (some, None) => {
             let repeats = some - threads - ranks;
-            let why = format!("{repeats} repeats, {threads} with another number of threads, {ranks} of ranks");
+            let why = format!(
+                "{repeats} repeats, {threads} with a different number of threads, {ranks} with a different number of ranks"
+            );
             Check::new(name, Some(true), why)
         }
     }
@@ -162,7 +163,7 @@ fn dearer(study: &Study, analysis: &Analysis<'_>) -> Check {
         None => Check::new(name, Some(true), format!("in all {} pairs of settings", pairs.len())),
         Some(pair) => {
             let why = format!(
-                "\"{}\" took less than \"{}\": the machine was doing other things, or larger steps need more repairs",
+                "\"{}\" took less time than \"{}\": the machine was busy, or longer steps needed more retries",
                 pair[1].sample.setting.label, pair[0].sample.setting.label
             );
             Check::new(name, Some(false), why)
@@ -177,15 +178,14 @@ fn steady(study: &Study, analysis: &Analysis<'_>) -> Check {
     match analysis.noise {
         None if load > BUSY * processors as f64 => {
             let why = format!(
-                "the machine did other things: load {} on {processors} processors before the study; processor times tell \
-                 more than times",
+                "the machine was busy: load {} on {processors} processors before the study; compare processor times instead",
                 text::digits(load)
             );
             Check::new(name, Some(false), why)
         }
         None => Check::new(name, None, "no setting has run three times".to_owned()),
         Some(noise) => {
-            let why = format!("they spread by {} %, {} % is allowed", percent(noise), percent(NOISY));
+            let why = format!("spread {} %; {} % is allowed", percent(noise), percent(NOISY));
             Check::new(name, Some(noise <= NOISY), why)
         }
     }
@@ -211,7 +211,7 @@ mod tests {
         let study = convergent();
         for (name, expected) in [
             ("reference", Verdict::Holds),
-            ("less error", Verdict::Holds),
+            ("reduce the error", Verdict::Holds),
             ("later frames", Verdict::Holds),
             ("more time", Verdict::Holds),
             ("same bits", Verdict::Unknown),
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(verdict(&unconverged, "reference"), Verdict::Fails);
         let mut rising = convergent();
         rising.samples[2].from_reference.iter_mut().for_each(|distance| distance.rms = 9e-4);
-        assert_eq!(verdict(&rising, "less error"), Verdict::Fails);
+        assert_eq!(verdict(&rising, "reduce the error"), Verdict::Fails);
         let mut late = convergent();
         // Nothing but the scene as it is fits into that.
         late.budget = Some(1.5);

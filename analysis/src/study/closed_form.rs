@@ -81,7 +81,7 @@ fn slide(acceleration: Vec3, velocity: Vec3, normal: Vec3, friction: f64, start:
     }
     let net = along.norm() - friction * press;
     Some(ClosedForm {
-        name: "way of the centre of mass down the plane".to_owned(),
+        name: "slide of the centre of mass down the plane".to_owned(),
         start: start.into(),
         direction: direction.into(),
         speed,

@@ -24,8 +24,8 @@ pub enum StudyError {
     Asked(String),
     /// The folder holds another study.
     #[error(
-        "{}: this folder holds a study of something else: {what}\n  \
-         help: choose another folder with --out, or start anew with --overwrite",
+        "{}: this folder holds a different study: {what}\n  \
+         help: choose another folder with --out, or replace the study with --overwrite",
         folder.display()
     )]
     Other {

@@ -167,11 +167,11 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         return differs("the scene, its inputs or the program have changed");
     }
     if old.asked != new.asked {
-        return differs("other settings or frames were asked for");
+        return differs("different settings or frames were requested");
     }
     old.samples.retain(|sample| sample.states.is_empty() || options.out.join(&sample.states).exists());
     if old.machine.processor != new.machine.processor || old.machine.threads != new.machine.threads {
-        return differs("its times were measured on another machine, or with another number of threads");
+        return differs("its times were measured on a different machine, or with a different number of threads");
     }
     (old.budget, old.limit) = (options.budget, options.limit.as_secs_f64());
     Ok((old, ground))

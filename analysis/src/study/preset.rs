@@ -38,9 +38,9 @@ struct Preset {
 pub fn text(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> Option<String> {
     let row: &Row<'_> = &analysis.rows[analysis.recommended(budget)?];
     let within =
-        budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} a frame", text::seconds(b)));
+        budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} per frame", text::seconds(b)));
     let mut text = format!(
-        "# Recommended by drapery study for {} {within}: {}\n# {} a frame on {} threads, error {} (RMS)\n\
+        "# Recommended by drapery study for {} {within}: {}\n# {} per frame on {} threads, error {} (RMS)\n\
          drapery_preset = {VERSION}\n\n[set]\n",
         study.scene.shot,
         row.sample.setting.label,
@@ -62,7 +62,7 @@ pub fn text(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> Opti
 pub fn read(path: &Path) -> Result<Vec<(String, String)>, SceneFileError> {
     let preset: Preset = read_table(path)?;
     if preset.drapery_preset != VERSION {
-        let what = format!("it is of version {}; this program reads version {VERSION}", preset.drapery_preset);
+        let what = format!("version {} is not supported; this program reads version {VERSION}", preset.drapery_preset);
         let error = IoError::data(path, KEY, what, "write it again with `drapery study --write-preset`");
         return Err(SceneFileError::of_file(None, &error));
     }

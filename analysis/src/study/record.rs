@@ -364,7 +364,7 @@ impl Study {
         let study: Self = serde_json::from_str(text)
             .map_err(|error| IoError::data(path, "the record of a study", error.to_string(), advice))?;
         if study.format != FORMAT {
-            let what = format!("it is of version {}; this program reads version {FORMAT}", study.format);
+            let what = format!("version {} is not supported; this program reads version {FORMAT}", study.format);
             return Err(IoError::data(path, "the record of a study", what, advice));
         }
         Ok(study)

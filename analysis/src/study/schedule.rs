@@ -123,7 +123,7 @@ impl Schedule<'_> {
             }
         }
         if repeats.0 > 0 {
-            let (label, why) = (format!("{} repeats, for their times", repeats.0), NO_TIME.to_owned());
+            let (label, why) = (format!("{} repeats that measure the spread of times", repeats.0), NO_TIME.to_owned());
             study.omitted.push(Omission { label, why, seconds: repeats.1, are_repeats: true });
         }
         Ok(())
@@ -144,7 +144,7 @@ impl Schedule<'_> {
         let foretold = foretell(wish, wishes, study);
         let left = self.left(study);
         if study.base().is_some_and(|base| !base.is_whole()) {
-            return Ok(Some("the scene as it is does not run".to_owned()));
+            return Ok(Some("the scene as it is failed".to_owned()));
         }
         if foretold.is_some_and(|seconds| seconds > left) || left <= 0.0 {
             let needs = foretold.map_or(String::new(), |seconds| format!("about {seconds:.0} s were needed, "));
@@ -154,13 +154,13 @@ impl Schedule<'_> {
         match self.run_one(wish, study, (left, foretold))? {
             Ended::OutOfTime(frame) if wish.role == Role::Base && wish.is_first() => {
                 return Err(StudyError::Asked(format!(
-                    "there is no time for a study: after {:.0} s the scene as it is had come to frame {frame}\n  \
-                     help: give more time with --max-wall, or fewer frames with --frames",
+                    "the time limit is too short for a study: after {:.0} s the scene as it is had reached frame {frame}\n  \
+                     help: raise --max-wall, or study fewer frames with --frames",
                     self.begun.elapsed().as_secs_f64()
                 )));
             }
             Ended::OutOfTime(frame) => {
-                return Ok(Some(format!("given up after frame {frame}: it took longer than foretold")));
+                return Ok(Some(format!("cancelled after frame {frame}: it took longer than estimated")));
             }
             Ended::Sample(ended) => {
                 let (sample, compared) = *ended;

@@ -87,7 +87,7 @@ impl StatesReader {
         let counts = reader.counts(3)?;
         // Before room is made for them: a damaged file may claim anything.
         if counts.iter().any(|count| *count as u64 > length) {
-            let advice = "delete it; the study then makes that run again";
+            let advice = "delete it; the study then repeats that run";
             return Err(IoError::data(path, "states of a study", DAMAGED, advice));
         }
         let (vertices, triangles) = (counts[0], counts[1]);

@@ -48,7 +48,7 @@ fn head(study: &Study, analysis: &Analysis<'_>) -> String {
 
 /// Settings of the reference and its own error.
 pub(crate) fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String {
-    let Some(reference) = study.reference() else { return "missing: there was no time for it".to_owned() };
+    let Some(reference) = study.reference() else { return "missing (see below)".to_owned() };
     let own = match analysis.own {
         Some(own) => format!("self-error {}", millimetres(own)),
         None => "self-error not measured".to_owned(),
@@ -64,18 +64,18 @@ pub(crate) fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String 
 
 /// Up to when errors are given, and why not longer.
 pub(crate) fn window_words(study: &Study, analysis: &Analysis<'_>) -> String {
-    let Some(&last) = study.compared.last() else { return "nothing was compared".to_owned() };
+    let Some(&last) = study.compared.last() else { return "no frames were compared".to_owned() };
     let seconds = |frame: i64| format!("{} s", text::digits(study.time(frame)));
     let horizon = match (analysis.has_horizon, analysis.floor.is_empty()) {
         (true, _) => {
             let at = study.compared.get(analysis.predictable).copied().unwrap_or(last);
             format!("T_p = {}", seconds(at))
         }
-        (false, true) => "T_p not measured: no shifted copy has run".to_owned(),
+        (false, true) => "T_p not measured: no shifted copy was run".to_owned(),
         (false, false) => format!("T_p > {}", seconds(last)),
     };
     let Some(end) = analysis.window_end(study) else {
-        return format!("{horizon}; the horizon lies before the first compared frame: no error can be told");
+        return format!("{horizon}; the horizon lies before the first compared frame: errors cannot be measured");
     };
     let why = match (analysis.window < analysis.predictable, analysis.has_horizon) {
         (true, _) => "; beyond, the reference is not converged",
@@ -131,11 +131,11 @@ pub(crate) fn error_words(error: Option<&Error>) -> String {
 fn recommended_error(error: Option<&Error>, own: Option<f64>) -> String {
     match error.map(|error| (error.validity, error.rms + own.unwrap_or(0.0))) {
         Some((Validity::Yes | Validity::Unchecked, _)) => format!("error {} rms", error_words(error)),
-        Some((Validity::BelowFloor, _)) => "no error above the noise floor".to_owned(),
+        Some((Validity::BelowFloor, _)) => "error within the noise floor".to_owned(),
         Some((Validity::NotConverged, most)) => {
-            format!("error at most {} rms (nearer than the reference can tell)", millimetres(most))
+            format!("error at most {} rms (below what the reference resolves)", millimetres(most))
         }
-        None => "error not known".to_owned(),
+        None => "error unknown".to_owned(),
     }
 }
 
@@ -162,7 +162,7 @@ fn below(study: &Study, analysis: &Analysis<'_>) -> String {
             let off = millimetres((found - exact).abs());
             let _ = writeln!(
                 out,
-                " {}: {}, closed form {}, off by {off}",
+                " {}: {}, closed form {}, deviation {off}",
                 form.name,
                 millimetres(found),
                 millimetres(exact)
@@ -183,16 +183,16 @@ fn below(study: &Study, analysis: &Analysis<'_>) -> String {
         }
     }
     for check in checks(study, analysis).iter().filter(|check| check.verdict == Verdict::Fails) {
-        let _ = writeln!(out, " does not hold: {}: {}", check.name, check.why);
+        let _ = writeln!(out, " check failed: {}: {}", check.name, check.why);
     }
     let (late, other): (Vec<&Omission>, Vec<&Omission>) =
         study.omitted.iter().partition(|o| o.why.starts_with(NO_TIME));
     for omission in other {
-        let _ = writeln!(out, " left out: {}: {}", omission.label, omission.why);
+        let _ = writeln!(out, " missing: {}: {}", omission.label, omission.why);
     }
     if !late.is_empty() {
         let labels: Vec<&str> = late.iter().map(|omission| omission.label.as_str()).collect();
-        let _ = writeln!(out, " left out for lack of time: {}", labels.join("; "));
+        let _ = writeln!(out, " skipped because of the time limit: {}", labels.join("; "));
     }
     for sentence in allowed::words(study) {
         let _ = writeln!(out, " {sentence}");
@@ -207,12 +207,12 @@ fn changes(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
     own.filter(|sample| matches!(sample.role, Role::Without | Role::Model | Role::Threads))
         .map(|sample| {
             let change = crate::study::analysis::error_over(&sample.from_base, analysis.predictable);
-            let change = change.map_or("not known".to_owned(), |change| millimetres(change.rms));
+            let change = change.map_or("an unknown distance".to_owned(), |change| millimetres(change.rms) + " rms");
             let times = sample.seconds_a_frame() / base.max(f64::MIN_POSITIVE);
             let picture = match (sample.role, sample.from_base.iter().all(|distance| distance.max == 0.0)) {
                 (Role::Threads, true) => "the same bits".to_owned(),
-                (_, true) if !sample.from_base.is_empty() => "nothing changes in these frames".to_owned(),
-                _ => format!("picture changes by {change} rms"),
+                (_, true) if !sample.from_base.is_empty() => "no difference in these frames".to_owned(),
+                _ => format!("positions differ by {change}"),
             };
             format!("{}: time x {}, {picture}", sample.setting.label, times_words(times))
         })
@@ -223,15 +223,23 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
 
+/// Advice where the front alone leads to no recommendation.
+const BUDGET: &str = "set --budget, for example --budget 10s/frame";
+
 /// Returns the recommended setting, and the time of the whole shot with it.
 pub(crate) fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
     let within =
-        budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} a frame", text::seconds(b)));
+        budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} per frame", text::seconds(b)));
     let Some(row) = analysis.recommended(budget).map(|index| &analysis.rows[index]) else {
         return match budget {
-            _ if study.reference().is_none() => "nothing can be recommended without a reference".to_owned(),
-            Some(_) => format!("no setting without intersections or unconverged solves was measured {within}"),
-            None => "the front has no knee: give --budget, as in --budget 10s/frame, for a recommendation".to_owned(),
+            _ if study.reference().is_none() => "no recommendation: there is no reference run".to_owned(),
+            Some(_) => format!(
+                "no recommendation: no measured setting {within} is free of intersections and unconverged solves"
+            ),
+            None if analysis.knee.is_some() => format!(
+                "no recommendation: the setting at the knee of the front has intersections or unconverged solves; {BUDGET}"
+            ),
+            None => format!("no recommendation: the front has no knee; {BUDGET}"),
         };
     };
     let [first, last] = study.scene.frames;

@@ -175,10 +175,10 @@ pub fn parse_vary(text: &str) -> Result<(String, Vec<String>), String> {
     }
     let are_counts = values.iter().all(|value| value.parse::<u16>().is_ok_and(|count| count > 0));
     if name == BODY_FRAMES && !are_counts {
-        return Err(format!("`{text}`: bodies are shown at every so many frames, for example {BODY_FRAMES}=1,2"));
+        return Err(format!("`{text}`: give intervals of 1 frame or more, for example {BODY_FRAMES}=1,2"));
     }
     if [THREADS, RANKS].contains(&name) && !are_counts {
-        return Err(format!("`{text}`: write numbers of {name}, for example {name}=1,2"));
+        return Err(format!("`{text}`: give whole numbers of 1 or more, for example {name}=1,2"));
     }
     Ok((name.to_owned(), values))
 }

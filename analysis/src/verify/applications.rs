@@ -40,7 +40,7 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
                  scale {scale}{turned}"
             )
         }
-        _ => format!("{prefix}the file does not say its unit or axis; Blender takes a unit as a metre and Y as up"),
+        _ => format!("{prefix}the file states neither unit nor up axis; Blender assumes metres and Y up"),
     });
     facts
 }
@@ -49,9 +49,8 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
 pub(super) fn of_stage(stage: &CacheFrames, prefix: &str) -> String {
     let rate = stage.fps.map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
     format!(
-        "{prefix}{rate}in {}, which applications read from USD; Blender makes it metres with Z up, and a time code its \
-         frame of this \
-         number",
+        "{prefix}{rate}in {}, which applications read from USD; Blender converts to metres with Z up, and shows each time \
+         code at the frame of the same number",
         stage.input_units
     )
 }

@@ -405,7 +405,7 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
         report_other_cuts(sheets, (*subject, tally), found);
     }
     if clean_pairs > 0 {
-        found.facts.push(format!("no intersections between meshes, {clean_pairs} pairs of them"));
+        found.facts.push(format!("no intersections between meshes; pairs checked: {clean_pairs}"));
     }
     if clean_cuts > 0 {
         let all = tallies.values().filter(|tally| tally.has_other_cuts).count();
@@ -450,7 +450,7 @@ fn described(sheet: &Sheet<'_>) -> String {
 /// A render mesh by its name, and that it is one.
 fn render_mesh(sheet: &Sheet<'_>) -> String {
     let garment = sheet.render_mesh_of.as_deref().unwrap_or_default();
-    format!("{} (render mesh of {garment}, not judged as cloth)", sheet.name)
+    format!("{} (render mesh of {garment}, reported only)", sheet.name)
 }
 
 /// Meshes can be compared only where both are stored.
@@ -460,11 +460,11 @@ fn report_times(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verificatio
             let common = tallies.get(&Subject::Cloth(i, j)).map_or(0, |tally| tally.looked_at);
             let expected = a.times.len().min(b.times.len());
             if common == 0 {
-                let what = "have no sample at the same time, so intersections between them cannot be judged";
+                let what = "have no sample at the same time, so intersections between them cannot be tested";
                 found.failures.push(format!("{} and {} {what}", a.name, b.name));
             } else if common < expected {
                 let what =
-                    format!("share {common} times of {expected}; intersections between them were judged there only");
+                    format!("share {common} times of {expected}; intersections between them were tested only there");
                 found.warnings.push(format!("{} and {} {what}", a.name, b.name));
             }
         }

@@ -57,9 +57,9 @@ fn check(run: &RunFolder, cache: &RecordedCache<'_>, found: &mut Verification) {
     match cache.compare(&run.record, frames, false) {
         Err(error) => found.failures.push(error.to_string()),
         Ok(Compared { sound, unrecorded, faults }) => {
-            found.facts.push(format!("{name}: {sound} of {} frames are as recorded", last - frames[0] + 1));
+            found.facts.push(format!("{name}: {sound} of {} frames match the record", last - frames[0] + 1));
             if !unrecorded.is_empty() {
-                let what = format!("cannot be checked: {RECORD} has no digests of them");
+                let what = format!("cannot be verified: {RECORD} has no digests of them");
                 let words = format!("{name}: {} {what}", in_words(&unrecorded));
                 // Of a cache of which nothing was compared nobody knows whether it is as recorded.
                 let nothing = sound == 0 && faults.is_empty();
@@ -68,7 +68,7 @@ fn check(run: &RunFolder, cache: &RecordedCache<'_>, found: &mut Verification) {
             found.failures.extend(faults.iter().take(SHOWN).map(ToString::to_string));
             if faults.len() > SHOWN {
                 let (next, more) = (faults[SHOWN].frame, faults.len() - SHOWN);
-                found.failures.push(format!("{name}: {more} more frames are not as recorded, from frame {next} on"));
+                found.failures.push(format!("{name}: {more} more frames differ from the record, from frame {next} on"));
             }
         }
     }

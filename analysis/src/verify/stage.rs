@@ -115,7 +115,7 @@ impl MeshCheck<'_> {
             }
         }
         if without_velocities && moves {
-            found.warnings.push(format!("{name}: no velocities: motion blur has to come from neighbouring samples"));
+            found.warnings.push(format!("{name}: no velocities: motion blur can only come from neighbouring samples"));
         }
         motion.judge(name, found);
     }
@@ -138,11 +138,11 @@ impl MeshCheck<'_> {
             return Some(format!("vertex {vertex}: the position is not a finite number"));
         }
         if frame.velocities.as_ref().is_some_and(|velocities| velocities.len() != points) {
-            return Some("velocities do not match the points in number".to_owned());
+            return Some("the number of velocities differs from the number of points".to_owned());
         }
         if let Some(vertex) = frame.velocities.as_deref().and_then(first_bad) {
             return Some(format!("vertex {vertex}: the velocity is not a finite number"));
         }
-        (!frame.has_bounds_of_points).then(|| "the extent is not that of the points".to_owned())
+        (!frame.has_bounds_of_points).then(|| "the extent does not match the points".to_owned())
     }
 }

@@ -30,7 +30,7 @@ pub(super) fn parse_seeds(text: &str) -> Result<SeedRange, String> {
 pub(super) fn parse_frames(text: &str) -> Result<FrameRange, String> {
     let number = |word: &str| word.parse::<i64>().map_err(|_| format!("`{word}` is not a frame number"));
     if text.contains(['x', ':', ',']) {
-        return Err("a simulation cannot leave out frames: give one range such as 1001-1100".into());
+        return Err("a simulation cannot skip frames; give one range such as 1001-1100".into());
     }
     // The first character may be the sign of a negative frame.
     let split = text.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(i, _)| i);
@@ -49,7 +49,7 @@ pub(super) fn parse_length(text: &str) -> Result<LengthUnit, String> {
     let found = LengthUnit::ALL.into_iter().find(|unit| unit.word() == text);
     found.ok_or_else(|| {
         let words: Vec<&str> = LengthUnit::ALL.iter().map(|unit| unit.word()).collect();
-        format!("`{text}` is no unit: there are {}", words.join(", "))
+        format!("`{text}` is not a unit; use one of {}", words.join(", "))
     })
 }
 
@@ -58,7 +58,7 @@ pub(super) fn parse_up(text: &str) -> Result<UpAxis, String> {
     match text {
         "Y" | "y" => Ok(UpAxis::Y),
         "Z" | "z" => Ok(UpAxis::Z),
-        _ => Err(format!("`{text}` is no up axis: there are Y and Z")),
+        _ => Err(format!("`{text}` is not an up axis; use Y or Z")),
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) fn parse_up(text: &str) -> Result<UpAxis, String> {
 pub(super) fn parse_rate(text: &str) -> Result<(u32, u32), String> {
     let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
     let number = |word: &str| word.parse::<u32>().ok().filter(|number| *number > 0);
-    let wrong = || format!("`{text}` is no frame rate: write 24, or a fraction such as 24000/1001");
+    let wrong = || format!("`{text}` is not a frame rate; write 24, or a fraction such as 24000/1001");
     number(numerator).zip(number(denominator)).ok_or_else(wrong)
 }
 
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(parse_frames("1001-1100"), Ok(FrameRange { first: 1001, last: 1100 }));
         assert_eq!(parse_frames("-10--5"), Ok(FrameRange { first: -10, last: -5 }));
         assert_eq!(parse_frames("7"), Ok(FrameRange { first: 7, last: 7 }));
-        assert!(parse_frames("1-10x2").unwrap_err().contains("cannot leave out frames"));
+        assert!(parse_frames("1-10x2").unwrap_err().contains("cannot skip frames"));
         assert!(parse_frames("10-1").unwrap_err().contains("comes before"));
         assert!(parse_frames("a-b").unwrap_err().contains("`a`"));
     }

@@ -15,9 +15,9 @@ use crate::say;
 pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
     for file in shot.referred_files() {
-        tracing::info!("reads {}, which a file of the scene refers to", file.display());
+        tracing::info!("reads {}, referenced by a file of the scene", file.display());
     }
-    patience::at(format!("{}: following the pins through all frames", args.scene.scene.display()));
+    patience::at(format!("{}: checking the pins in all frames", args.scene.scene.display()));
     let of_pins = shot.check_pins()?;
     for warning in &of_pins {
         tracing::warn!("{warning}");

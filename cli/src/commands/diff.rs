@@ -46,7 +46,7 @@ fn part_text(part: &PartComparison, tolerance: f64) -> String {
     if let Some(worst) = &part.worst {
         let (mesh, vertex, distance) = (&worst.mesh, worst.vertex, worst.distance);
         let frame = at(worst.frame, worst.behind);
-        line(format!("farthest: vertex {vertex} of {mesh} in frame {frame}, {distance:.3e} m"));
+        line(format!("largest difference: vertex {vertex} of {mesh} in frame {frame}, {distance:.3e} m"));
         if tolerance > 0.0 {
             line(format!("tolerance: {tolerance:e} m"));
         }

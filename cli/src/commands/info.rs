@@ -14,8 +14,7 @@ use crate::say;
 pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
     if path.join(MANIFEST).is_file() {
         let text = format!(
-            "{0}: this is the folder of a run\n  help: drapery status {0} tells how far it is; give one of its caches to see what \
-             it holds",
+            "{0}: this is a run folder\n  help: use `drapery status {0}` for its progress, or give one of its caches",
             path.display()
         );
         return Err(Failure::new(ExitCode::BadInput, text));

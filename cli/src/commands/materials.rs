@@ -21,9 +21,9 @@ pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCod
         let material = read_material(&file)?;
         let place = file.display();
         let place = match materials::find(&material.name) {
-            Some(_) => format!("{place}; not used, the preset of this name goes first"),
+            Some(_) => format!("{place}; not used: a preset of this name takes precedence"),
             None if all.iter().any(|(known, _)| known.name == material.name) => {
-                format!("{place}; not used, a folder named before has one of this name")
+                format!("{place}; not used: an earlier folder has a material of this name")
             }
             None => place.to_string(),
         };
@@ -35,7 +35,7 @@ pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCod
         if all.is_empty() {
             let help = match nearest(name, names.iter().map(String::as_str)) {
                 Some(best) => format!("did you mean `{best}`?"),
-                None => format!("there are {}", names.join(", ")),
+                None => format!("use one of {}", names.join(", ")),
             };
             return Err(Failure::new(ExitCode::Usage, format!("there is no material `{name}`\n  help: {help}")));
         }
@@ -100,7 +100,7 @@ const BAR: f64 = 40.0;
 fn plot_curve(material: &Material) {
     let (Ok(Some(curve)), Some(load)) = (material.curve(), material.load) else { return };
     say::line(format_args!(
-        "  force by strain in long steps (integrator = \"tr_bdf2\"), linearity {}; | is cloth that does not stiffen",
+        "  force by strain in long steps (integrator = \"tr_bdf2\"), linearity {}; | marks cloth that does not stiffen",
         material.linearity
     ));
     for strain in SHARES.map(|share| share * material.strain_limit) {

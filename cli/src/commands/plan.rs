@@ -44,7 +44,7 @@ fn costs(args: &PlanArgs, around: &Environment, shot: &Shot) -> Result<Option<Co
     let trial = plan::shot(&args.scene, around, &Ranks::default())?;
     let most = u32::try_from(shot.frame_count().saturating_sub(1)).unwrap_or(u32::MAX);
     if frames > most {
-        let text = format!("--measure {frames}: only {most} frames follow the start of this shot");
+        let text = format!("--measure {frames}: the shot has only {most} frames after its start");
         return Err(Failure::new(ExitCode::Usage, text));
     }
     Ok(Some(Costs { frame: trial.trial(frames)?, frames }))
@@ -67,13 +67,13 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
     for file in shot.referred_files() {
-        text += &format!("reads {}, which a file of the scene refers to\n", file.display());
+        text += &format!("reads {}, referenced by a file of the scene\n", file.display());
     }
     text += "\nsource of each value\n";
     for Provenance { what, text: value, source, .. } in said {
         text += &format!("  {what:<20} {value:<24} {source}\n");
     }
-    text + "\nsettings, defaults written out\n" + shot.resolved().trim_end()
+    text + "\nsettings, with all defaults\n" + shot.resolved().trim_end()
 }
 
 fn scene_text(shot: &Shot) -> String {
@@ -91,7 +91,7 @@ fn scene_text(shot: &Shot) -> String {
     }
     for RenderMeshSize { name, garment, points, triangles, bytes_per_sample } in shot.render_meshes() {
         text += &format!(
-            "render mesh {name} of {garment}: {points} points, {triangles} triangles, {:.1} kB a frame in each format\n",
+            "render mesh {name} of {garment}: {points} points, {triangles} triangles, {:.1} kB per frame in each format\n",
             bytes_per_sample as f64 / 1e3
         );
     }
@@ -100,10 +100,10 @@ fn scene_text(shot: &Shot) -> String {
         text += &format!("body {}: friction {}, thickness {} m", body.name, body.friction, body.thickness);
         text += &match found {
             Some(BodyThickness { needed, is_written: false }) if needed == body.thickness => {
-                ", which the faces of body and garments need over its curvature\n".to_owned()
+                ", required by the size of the faces of body and garments at its curvature\n".to_owned()
             }
             Some(BodyThickness { needed, .. }) => {
-                format!("; the faces of body and garments need {needed} m over its curvature\n")
+                format!("; with these faces of body and garments its curvature requires {needed} m\n")
             }
             None => "\n".to_owned(),
         };
@@ -124,8 +124,8 @@ fn output_text(shot: &Shot) -> String {
     let output = shot.output();
     let velocities = if output.velocities { "with velocities" } else { "without velocities" };
     let faces = match output.triangles {
-        true => "garments as the triangles that are simulated",
-        false => "garments with the faces of their files, which renderers may cut along either diagonal",
+        true => "garments as simulated triangles",
+        false => "garments with the faces of their files; renderers may split quads along either diagonal",
     };
     let mut text = format!("output: {}, {velocities}; {faces}\n", output.units);
     for format in output.formats.iter().filter_map(|word| formats::by_extension(word)) {
@@ -133,7 +133,7 @@ fn output_text(shot: &Shot) -> String {
     }
     if shot.origin() != Vec3::zeros() {
         let [x, y, z] = <[f64; 3]>::from(shot.origin());
-        text += &format!("  positions counted from [{x}, {y}, {z}] m\n");
+        text += &format!("  positions relative to [{x}, {y}, {z}] m\n");
     }
     text
 }

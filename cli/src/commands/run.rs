@@ -27,16 +27,16 @@ fn replay(args: &RunArgs, ranks: &Ranks, around: &Environment) -> Result<Ended, 
     let bundle = Bundle::read(&args.scene.scene)?;
     let scene = SceneArgs { scene: bundle.scene.clone(), ..args.scene.clone() };
     let (shot, _) = plan::prepare(&scene, around, ranks)?;
-    say::line(format_args!("the run gave up: {}", bundle.error));
+    say::line(format_args!("the run ended with: {}", bundle.error));
     let folder = args.settings.out.as_deref().or(args.scene.scene.parent()).unwrap_or(Path::new("")).join(DUMPS);
     let note = &mut |text| say::line(format_args!("{text}"));
     let summary = shot.replay(&bundle, &args.dump, &folder, note)?;
     let mut exceeded = Vec::new();
     quality::watch(&mut exceeded, summary.frame, |name| summary.metrics.counted(name));
     exceeded.iter().map(quality::first_rise).for_each(|text| tracing::warn!("{text}"));
-    say::line(format_args!("frame {} is reached now, in {} steps", summary.frame, summary.steps));
+    say::line(format_args!("frame {} reached, in {} steps", summary.frame, summary.steps));
     if args.strict {
-        limits_kept("the frame is reached", &exceeded, &[])?;
+        limits_kept("the frame was reached", &exceeded, &[])?;
     }
     Ok(ExitCode::Done.into())
 }
@@ -93,7 +93,7 @@ pub(crate) fn run(
             progress.end(failure.code as u8, false);
             tracing::info!(
                 exit_code = failure.code as u8,
-                "failed; when that is mended, continue with: {}",
+                "failed; once the cause is fixed, continue with: {}",
                 command(args, ranks.count())
             );
             Err(failure)
@@ -170,7 +170,7 @@ fn last_line(args: &RunArgs, report: &RunReport, ranks: usize) -> String {
     let (frame, time) = (report.frame, duration(report.seconds));
     match report.outcome {
         Outcome::Done => format!("done: frame {frame}, {time}, {warnings}"),
-        Outcome::NothingToDo => format!("all frames up to {frame} are there already; nothing was done; {warnings}"),
+        Outcome::NothingToDo => format!("nothing to do, all frames up to {frame} exist already; {warnings}"),
         Outcome::Stopped(reason) => {
             format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command(args, ranks))
         }
@@ -199,8 +199,8 @@ impl Watcher<'_> {
         };
         self.notice_is_given = !at_start;
         let (reason, needed, left) = (notice.reason.word(), notice.needed.ceil(), notice.left.floor());
-        let how = if notice.knows_checkpoints { "measured" } else { "not measured yet" };
-        tracing::info!(limit = reason, "needs about {needed} s of notice ({how}), {left} s are left");
+        let how = if notice.knows_checkpoints { "measured" } else { "estimated" };
+        tracing::info!(limit = reason, "a stop needs about {needed} s ({how}), {left} s are left");
     }
 }
 
@@ -277,15 +277,15 @@ fn limits_kept(done: &str, exceeded: &[Exceeded], uncounted: &[[i64; 2]]) -> Res
     };
     let mut lines: String = exceeded.iter().map(line).collect();
     if !uncounted.is_empty() {
-        lines += &format!("\n  {}: what was counted in them is not known", in_words(uncounted));
+        lines += &format!("\n  {}: counts unknown", in_words(uncounted));
     }
     let what = if exceeded.is_empty() {
-        "whether quality limits are kept is not known"
+        "it is unknown whether quality limits are exceeded"
     } else {
         "quality limits are exceeded"
     };
     let text =
-        format!("{done}, but {what}{lines}\n  help: look at these frames; without --strict such a run counts as done");
+        format!("{done}, but {what}{lines}\n  help: check these frames; without --strict this run would end with 0");
     Err(Failure::new(ExitCode::QualityLimits, text))
 }
 
@@ -296,7 +296,7 @@ fn end_table(report: &RunReport, is_long: bool) -> String {
     text += &format!("{} frames in {}{on}\n", report.frames, duration(report.seconds));
     let files = report.files.iter().map(|file| format!("wrote {}", file.display()));
     let layers =
-        report.layers.iter().map(|file| format!("wrote {}: open this one, it has all garments", file.display()));
+        report.layers.iter().map(|file| format!("wrote {} (open this file: it has all garments)", file.display()));
     text + &files.chain(layers).collect::<Vec<_>>().join("\n")
 }
 
@@ -319,7 +319,7 @@ fn limits(metrics: &Metrics) -> String {
 fn stages_and_counts(report: &RunReport) -> String {
     let mut text = format!("{:<28} {:>10} {:>7} {:>9}", "stage", "seconds", "share", "calls");
     if report.ranks > 1 {
-        text += &format!(" {:>10} {:>10}", "least", "most");
+        text += &format!(" {:>10} {:>10}", "min", "max");
     }
     text += "\n";
     for stage in report.metrics.stages() {

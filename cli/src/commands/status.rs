@@ -34,7 +34,7 @@ fn text(status: &Status, folder: &Path) -> String {
     };
     line("frames", frames(status));
     if let Some(rate) = status.seconds_per_frame {
-        line("rate", format!("{} a frame (median of the last 10)", seconds(rate)));
+        line("rate", format!("{} per frame (median of the last 10)", seconds(rate)));
     }
     if let (Some(left), true) = (status.seconds_left, status.state != "done") {
         line("time left", format!("{} at this rate", duration(left)));
@@ -52,15 +52,13 @@ fn text(status: &Status, folder: &Path) -> String {
     for found in &status.degradations {
         let (name, meaning) = (found.name, found.meaning);
         let (count, first, worst) = (found.total, found.first_frame, found.worst_frame);
-        line("", format!("{name} {count}, first in frame {first}, most in frame {worst}: {meaning}"));
+        line("", format!("{name} {count}, first in frame {first}, worst in frame {worst}: {meaning}"));
     }
     if status.steps_tried_again > 0 {
-        let how_often =
-            format!("{} attempts at steps that went wrong, with success in the end", status.steps_tried_again);
-        line("tried again", how_often);
+        line("retries", format!("{} of failed collision steps", status.steps_tried_again));
     }
     if !status.uncounted.is_empty() {
-        line("", format!("{}: not counted; run.jsonl does not hold all of it", in_words(&status.uncounted)));
+        line("", format!("{}: counts unknown, run.jsonl is incomplete", in_words(&status.uncounted)));
     }
     if let Some(stale) = &status.stale {
         let attempts =
@@ -80,10 +78,10 @@ fn text(status: &Status, folder: &Path) -> String {
 
 fn state(status: &Status) -> String {
     if status.was_killed() {
-        return "killed (its process ended without a message); run it again to resume".to_owned();
+        return "killed (its process ended without a message); run the same command again to resume".to_owned();
     }
     match status.process.as_ref().map(|process| process.presence) {
-        Some("silent") if status.state == "running" => "running, or dead: it has been silent for minutes".to_owned(),
+        Some("silent") if status.state == "running" => "running, or dead: no heartbeat for minutes".to_owned(),
         _ => status.state.clone(),
     }
 }

@@ -14,9 +14,9 @@ pub(crate) fn stop(args: &StopArgs) -> Result<ExitCode, Failure> {
     let folder = args.folder.display();
     match request_stop(&args.folder, SystemTime::now())? {
         Some(holder) => say::line(format_args!(
-            "{folder}: {holder} is asked to stop; it writes a checkpoint after its present step and ends with exit code 75"
+            "{folder}: asked {holder} to stop; it writes a checkpoint after the current step and ends with exit code 75"
         )),
-        None => say::line(format_args!("{folder}: no run is in progress here; nothing is to be stopped")),
+        None => say::line(format_args!("{folder}: no run is in progress here; nothing to stop")),
     }
     Ok(ExitCode::Done)
 }

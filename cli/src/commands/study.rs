@@ -37,7 +37,7 @@ pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Environment, quiet
     if let Some(path) = &args.write_preset {
         let text = preset::text(&study, &analysis, budget).ok_or_else(|| {
             let what =
-                "nothing can be recommended, so no preset was written\n  help: give another --budget, or more time";
+                "no setting is recommended, so no preset was written\n  help: change --budget, or raise --max-wall";
             Failure::new(ExitCode::Usage, what)
         })?;
         atomic_file::replace(path, text.as_bytes())?;
@@ -56,7 +56,7 @@ fn keep_what_is_no_preset(path: &Path) -> Result<(), Failure> {
     match input_file::text(path).map(is_other) {
         Err(IoError::Missing { .. }) | Ok(false) => Ok(()),
         Ok(true) => {
-            let what = "this file holds no preset, and would be replaced by one\n  help: give another name, or remove the file";
+            let what = "this file exists and is not a preset; it is not overwritten\n  help: give another name, or remove the file";
             Err(Failure::new(ExitCode::CannotCreate, format!("{}: {what}", path.display())))
         }
         Err(error) => Err(error.into()),

@@ -34,7 +34,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     let shown = if args.files.is_empty() { args.record.as_slice() } else { &args.files };
     let names = shown.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
     if found.failures.is_empty() {
-        say::line(format_args!("{names}: every rule is kept"));
+        say::line(format_args!("{names}: all rules are met"));
         return Ok(ExitCode::Done);
     }
     let broken = match found.failures.len() {

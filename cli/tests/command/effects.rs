@@ -65,7 +65,7 @@ fn a_contradiction_is_an_error_that_names_what_contradicts() {
         (&["--without", "self_colision"], &["there is no effect `self_colision`", "did you mean `self_collision`?"]),
         (&["--without", "self_collision"], &["does not ask for `self_collision`", "gravity, stretch, body_collision"]),
         (&["--only", "gravity,pins"], &["does not ask for `pins`"]),
-        (&["--without", "friction"], &["friction is no effect by itself", "body_collision"]),
+        (&["--without", "friction"], &["friction is not an effect of its own", "body_collision"]),
         (&["--without", "gravity", "--only", "stretch"], &["--without", "--only"]),
         (
             &["--set", "effects.without=[\"gravity\"]", "--set", "effects.only=[\"stretch\"]"],
@@ -95,8 +95,8 @@ fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
         "friction: on, because cloth on cloth has friction 0.4",
         "without self_collision: left out of this run",
         "list of close pairs: for self_repulsion",
-        "a frame: ",
-        " time steps or more, because of the stiffness of `stretch` of garment \"sheet\"; --measure simulates",
+        "per frame: at least ",
+        " time steps, required by the stiffness of `stretch` of garment \"sheet\"; --measure simulates",
     ] {
         assert!(text.contains(part), "no `{part}` in\n{text}");
     }

@@ -56,7 +56,7 @@ fn names_that_are_no_names_of_files_are_refused() {
     }
     for name in ["..", "a/b", &control, &longest, "CON", "a:b", " ", "\u{202e}"] {
         let scene = SHEET.replace("name = \"sheet\"\npanel", &format!("name = \"{name}\"\npanel"));
-        refused(folder_with(&scene).path(), 78, &["garment", "it names files"]);
+        refused(folder_with(&scene).path(), 78, &["garment", "for files and objects"]);
     }
     // One letter less, and all of its files can be written, those of a run that goes on in another form, too.
     let garment = &longest[1..];
@@ -214,7 +214,7 @@ fn a_log_and_a_preset_replace_their_like_and_nothing_else() {
     ] {
         let outcome = drapery(folder.path(), arguments);
         assert_eq!(outcome.code, Some(73), "{arguments:?}\n{}", outcome.stderr);
-        assert!(outcome.stderr.contains("scene.toml: this file holds no"), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains("scene.toml: this file exists and is not a"), "{}", outcome.stderr);
         assert_eq!(std::fs::read_to_string(folder.path().join("scene.toml")).unwrap(), SHEET);
     }
     for _ in 0..2 {
@@ -232,7 +232,7 @@ fn a_log_goes_to_a_pipe_only_where_a_program_reads_it() {
     let arguments = ["check", "scene.toml", "--log-json", "pipe"];
     let outcome = drapery(folder.path(), &arguments);
     assert_eq!(outcome.code, Some(73), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("pipe: this is a pipe that no program reads"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("pipe: no program reads from this pipe"), "{}", outcome.stderr);
     let reader = std::process::Command::new("cat").arg(&pipe).stdout(std::process::Stdio::null()).spawn().unwrap();
     // `cat` waits in its opening of the pipe until somebody writes.
     let codes = (0..200).map(|_| {
@@ -425,7 +425,7 @@ fn a_new_cache_without_an_ending_is_told_as_that() {
     let convert = drapery(folder.path(), &["convert", "out/sheet.abc", "copy"]);
     assert_eq!(convert.code, Some(65), "{}", convert.stderr);
     assert!(
-        convert.stderr.contains("copy: this name has no ending") && convert.stderr.contains(".abc"),
+        convert.stderr.contains("copy: the file name needs an extension") && convert.stderr.contains(".abc"),
         "{}",
         convert.stderr
     );

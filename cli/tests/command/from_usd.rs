@@ -65,7 +65,7 @@ fn layers_of_other_folders_are_shown() {
     let seen = drapery(folder.path(), &["check", "-v", "scene.toml"]);
     assert!(seen.stderr.contains(&base), "{}", seen.stderr);
     let seen = drapery(folder.path(), &["plan", "scene.toml"]);
-    assert!(seen.stdout.contains(&format!("reads {base}, which a file of the scene refers to")), "{}", seen.stdout);
+    assert!(seen.stdout.contains(&format!("reads {base}, referenced by a file of the scene")), "{}", seen.stdout);
     let seen = drapery(folder.path(), &["info", "shots/010/hero.usda"]);
     assert!(seen.stdout.contains(&format!("layer outside of its folder: {base}")), "{}", seen.stdout);
     let seen = drapery(folder.path(), &["info", "base.usda"]);
@@ -77,7 +77,7 @@ fn samples_that_do_not_reach_are_told_with_the_rate_of_the_file() {
     let folder = written(&SCENE.replace("\"25\"", "\"24\"").replace("1-3", "1-4"));
     let seen = drapery(folder.path(), &["check", "scene.toml"]);
     assert_eq!(seen.code, Some(65), "{}", seen.stderr);
-    assert!(seen.stderr.contains("the file says 25 frames per second"), "{}", seen.stderr);
+    assert!(seen.stderr.contains("the file states 25 frames per second"), "{}", seen.stderr);
     assert!(seen.stderr.contains("write fps = \"25\" in [shot]"), "{}", seen.stderr);
 }
 
@@ -93,7 +93,7 @@ fn a_body_of_an_unlikely_size_whose_file_states_its_unit_is_told_to_write_units_
     let seen = drapery(folder.path(), &["check", "scene.toml"]);
     assert_eq!(seen.code, Some(78), "{}", seen.stderr);
     assert!(!seen.stderr.contains("set units.length"), "{}", seen.stderr);
-    for words in ["body \"hero\"", "write units = { length = ", "} at this body", "goes over [units]"] {
+    for words in ["body \"hero\"", "write units = { length = ", "} at this body", "overrides [units]"] {
         assert!(seen.stderr.contains(words), "{words}: {}", seen.stderr);
     }
 }

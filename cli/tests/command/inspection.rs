@@ -97,7 +97,7 @@ fn equal_runs_are_byte_equal_and_a_planted_difference_is_found_at_its_frame_and_
     let found = drapery(folder.path(), &["diff", "a/sheet.abc", "b/sheet.abc"]);
     assert_eq!(found.code, Some(1), "{}", found.stdout);
     assert!(
-        found.stdout.contains("farthest: vertex 5 of /sheet/sheetShape in frame 1003, 2.500e-1 m"),
+        found.stdout.contains("largest difference: vertex 5 of /sheet/sheetShape in frame 1003, 2.500e-1 m"),
         "{}",
         found.stdout
     );
@@ -139,7 +139,7 @@ fn things_that_cannot_be_compared_are_refused_with_advice() {
     let folder = run_into(&["a"]);
     for (arguments, code, words) in [
         (["diff", "a", "a/sheet.abc"], 65, "two files or two run folders"),
-        (["diff", "a/sheet.abc", "missing.abc"], 66, "no such file"),
+        (["diff", "a/sheet.abc", "missing.abc"], 66, "file not found"),
         (["diff", "a/sheet.abc", "scene.toml"], 65, ".abc, .h5"),
     ] {
         let outcome = drapery(folder.path(), &arguments);
@@ -162,7 +162,7 @@ fn the_report_is_one_page_with_charts_and_pictures_and_the_same_bytes_each_time(
     for word in ["http", "<script", "src=\"/", "href="] {
         assert!(!page.contains(word), "{word}");
     }
-    for words in ["Seconds a frame, by stage", "B.5 velocity", "Largest strain", "every limit is kept", "4 of 4"] {
+    for words in ["Seconds per frame, by stage", "B.5 velocity", "Largest strain", "no limit exceeded", "4 of 4"] {
         assert!(page.contains(words), "{words}");
     }
     for frame in 1002..=1004 {
@@ -193,7 +193,7 @@ fn the_folder_of_a_run_is_known_where_a_file_is_asked_for() {
     let info = drapery(folder.path(), &["info", "out"]);
     assert_eq!(info.code, Some(65));
     assert!(
-        info.stderr.contains("this is the folder of a run") && info.stderr.contains("drapery status out"),
+        info.stderr.contains("this is a run folder") && info.stderr.contains("drapery status out"),
         "{}",
         info.stderr
     );

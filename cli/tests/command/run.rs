@@ -226,7 +226,8 @@ fn a_dump_of_frames_that_are_done_says_how_to_get_it() {
     for arguments in [&["--frames", "1001-1003"][..], &["--frames", "1001-1004"]] {
         let outcome = run(&[arguments, &["--dump", "B.4@1002.1"]].concat());
         assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-        for part in ["WARN --dump B.4@1002.1: nothing is written, for the frames to 1003 are done", "--resume FRAME"] {
+        for part in ["WARN --dump B.4@1002.1: nothing is written, because frames up to 1003 are done", "--resume FRAME"]
+        {
             assert!(outcome.stderr.contains(part), "{part}\n{}", outcome.stderr);
         }
         assert!(!dump.exists() || std::fs::read_dir(&dump).unwrap().next().is_none());

@@ -128,7 +128,7 @@ fn a_run_obeys_the_site_file() {
     let kept = checkpoints.flatten().filter(|entry| entry.path().extension().is_some_and(|e| e == "h5")).count();
     assert_eq!(kept, 1);
     let log = std::fs::read_to_string(folder.path().join("out/sheet/logs/001.log")).expect("a log");
-    for words in ["needs about 10 s of notice (not measured yet), 35", "s of notice (measured), 35"] {
+    for words in ["a stop needs about 10 s (estimated), 35", "s (measured), 35"] {
         assert_eq!(log.matches(words).count(), 1, "`{words}` in\n{log}");
     }
     // Already over: the run stops at the first frame, with the code of the site.
@@ -150,7 +150,7 @@ fn a_site_file_that_is_not_understood_ends_commands_that_need_it_and_no_others()
         (["run", "scene.toml", "--config", "site.toml"], 78, "site.toml:1:1: unknown key `treads`"),
         (["plan", "scene.toml", "--config", "site.toml"], 78, "did you mean `threads`?"),
         (["check", "scene.toml", "--config", "missing.toml"], 66, "missing.toml"),
-        (["run", "scene.toml", "--config", "word.toml"], 78, "word.toml: `progress`: unknown word `alff`"),
+        (["run", "scene.toml", "--config", "word.toml"], 78, "word.toml: `progress`: unknown value `alff`"),
     ] {
         let outcome = drapery(folder.path(), &arguments);
         assert_eq!(outcome.code, Some(code), "{arguments:?} {}", outcome.stderr);
@@ -221,8 +221,8 @@ fn materials_in_files_are_found_listed_and_written_out() {
         "velvet: velvet for curtains",
         "density 0.42 kg/m²",
         "from: cloth/velvet.toml\n",
-        "from: more/velvet.toml; not used, a folder named before has one of this name",
-        "from: more/paper.toml; not used, the preset of this name goes first",
+        "from: more/velvet.toml; not used: an earlier folder has a material of this name",
+        "from: more/paper.toml; not used: a preset of this name takes precedence",
     ] {
         assert!(list.contains(words), "`{words}` in\n{list}");
     }

@@ -40,7 +40,7 @@ fn the_run_that_holds_a_folder_is_asked_by_a_file() {
     std::fs::write(folder.path().join("lock.json"), lock).unwrap();
     let stop = drapery(folder.path(), &["stop", "."]);
     assert_eq!(stop.code, Some(0), "{}", stop.stderr);
-    assert!(stop.stdout.contains("render042:4711 is asked to stop"), "{}", stop.stdout);
+    assert!(stop.stdout.contains("asked render042:4711 to stop"), "{}", stop.stdout);
     assert!(folder.path().join("control/stop").exists());
 }
 
@@ -79,7 +79,7 @@ fn a_run_whose_first_step_takes_for_ever_obeys_a_signal() {
     for pause in [0.2, 1.0, 5.0, 25.0, 125.0] {
         let (code, said) = stopped_after(folder.path(), Duration::from_secs_f64(pause));
         assert_eq!(code, Some(75), "{said}");
-        if said.contains("stopped (signal TERM) before a first step was done") {
+        if said.contains("stopped (signal TERM) before the first step was complete") {
             assert!(said.contains("continue with: drapery run scene.toml"), "{said}");
             return;
         }

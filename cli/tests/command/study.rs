@@ -162,7 +162,7 @@ fn a_study_takes_no_longer_than_its_limit_and_says_what_is_missing() {
     });
     let (folder, study) = kept.expect("a limit that is kept");
     let text = String::from_utf8_lossy(&study.stdout).into_owned();
-    assert!(text.contains("left out for lack of time: ") && text.contains("wrote s/report.html"), "{text}");
+    assert!(text.contains("skipped because of the time limit: ") && text.contains("wrote s/report.html"), "{text}");
     assert!(record(folder.path())["samples"].as_array().is_some_and(|samples| !samples.is_empty()));
 }
 
@@ -174,7 +174,7 @@ fn threads_and_repeats_are_found_to_change_no_bit_and_combinations_are_drawn() {
     assert_eq!(study.code, Some(0), "{}", study.stderr);
     assert!(study.stdout.contains("threads 2: time x") && study.stdout.contains("the same bits"), "{}", study.stdout);
     let page = std::fs::read_to_string(folder.path().join("s/report.html")).unwrap();
-    assert!(page.contains("3 repeats, 1 with another number of threads"));
+    assert!(page.contains("3 repeats, 1 with a different number of threads"));
     let samples = record(folder.path())["samples"].as_array().unwrap().clone();
     let bits = |label: &str| -> Vec<String> {
         let of = samples.iter().filter(|sample| sample["setting"]["label"] == label && sample["copy"] == 0);

@@ -59,9 +59,9 @@ impl std::fmt::Display for Lost {
         let Self { rank, ranks, name, how, timeout } = self;
         match how {
             How::Silent => {
-                write!(f, "rank {rank} of {ranks} ({name}) was not heard of for {} s", timeout.as_secs_f64())
+                write!(f, "rank {rank} of {ranks} ({name}) sent no heartbeat for {} s", timeout.as_secs_f64())
             }
-            How::Ended => write!(f, "rank {rank} of {ranks} ({name}) has ended without the others"),
+            How::Ended => write!(f, "rank {rank} of {ranks} ({name}) ended before the others"),
         }
     }
 }

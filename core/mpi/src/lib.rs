@@ -50,9 +50,9 @@ const PRESENT: [&str; 2] = ["PMIX_RANK", "PMI_RANK"];
 pub enum StartError {
     /// The launcher and the library belong to different MPIs.
     #[error(
-        "started as one of {started} processes, but the MPI library sees {seen}: program and launcher belong to \
-         different MPIs ({library})\n  help: start it with the mpirun of that library, or build it with the MPI of this mpirun \
-         (MPICC=...)"
+        "started as one of {started} processes, but the MPI library sees {seen}: program and launcher use different \
+         MPI installations ({library})\n  help: start it with the mpirun of that library, or build it with the MPI of \
+         this mpirun (MPICC=...)"
     )]
     OtherLauncher {
         /// Processes that the launcher says it has started.

@@ -153,12 +153,12 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let description = context.scene.description();
     let place = format!("garment \"{}\", membrane", description.garments[garment].name);
     if description.effects.iter().any(|e| e.effect == "stretch" && e.garment == Some(garment)) {
-        let what = "`stretch` is asked for as well, and both resist the same stretching";
+        let what = "`stretch` and `membrane` are both requested, and both resist the same stretching";
         return Err(Problem::scene(place, what, "remove one of the two tables"));
     }
     let grain = Vec3::from(settings.vector("grain"));
     if grain == Vec3::zeros() {
-        return Err(Problem::scene(place, "`grain` has no direction", "write for example grain = [0, 1, 0]"));
+        return Err(Problem::scene(place, "`grain` is a zero vector", "write for example grain = [0, 1, 0]"));
     }
     let (threads, moduli) = moduli(settings);
     let curves = TensileCurve::of_garment(settings, context, SPEC.name, threads)?;

@@ -124,7 +124,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let place = format!("garment \"{}\", pressure", scene.description().garments[garment].name);
     let (open, has_gas) = (settings.flag("open"), settings.flag("gas"));
     if open && has_gas {
-        return Err(Problem::scene(place, "an open garment holds no gas", "leave `gas` or `open` out"));
+        return Err(Problem::scene(place, "an open garment cannot hold gas", "leave `gas` or `open` out"));
     }
     let own = own_in_mesh(parts, garment);
     let number = |v: u32| parts.own_vertex(parts.garment(garment).start + v as usize).1;
@@ -134,7 +134,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     });
     let unpaired = listed(parts.ranks(), unpaired.collect());
     if let Some(edges) = unpaired.filter(|_| !open) {
-        let what = format!("it is not closed, or its faces do not all look outwards: edges {edges}");
+        let what = format!("it is not closed, or not all its faces point outwards: edges {edges}");
         let advice = "close the holes, make the normals consistent, or write open = true";
         return Err(Problem::data(place, what, advice));
     }

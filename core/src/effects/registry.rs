@@ -75,8 +75,8 @@ pub fn find(name: &str) -> Option<&'static EffectSpec> {
 /// such effect.
 pub fn lacking(name: &str) -> Option<(String, String)> {
     let name = LISTED.iter().find(|listed| **listed == name && find(listed).is_none())?;
-    let what = format!("this drapery was built without the effect `{name}`");
-    Some((what, "build it with `--features effects`, or do without the effect".to_owned()))
+    let what = format!("this program was built without the effect `{name}`");
+    Some((what, "build it with `--features effects`, or leave the effect out".to_owned()))
 }
 
 /// Builds what the scene asks for, in the order of the registry, then in that of the garments.

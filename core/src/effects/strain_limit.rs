@@ -64,8 +64,8 @@ limit = 0.01",
             dimension: Dimension::None,
             default: Default::Number(100.0),
             range: (1.0, 1e5),
-            help: "maximum number of iterations over the edges, twice a time step; few are needed unless load hangs on \
-                   many rows",
+            help: "maximum number of iterations over the edges, twice a time step; few are needed unless the load is \
+                   carried over many rows of edges",
         },
     ],
     needs: &[Need::State],

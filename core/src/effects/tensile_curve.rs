@@ -33,16 +33,16 @@ pub const FIELDS: &[Field] = &[
         dimension: Dimension::Stiffness,
         default: Default::Absent,
         range: (1e-3, 1e8),
-        help: "force per width at `extension`; if that is given and this is not, 98 N/m, at which SiroFAST reports it (100 \
-               gf/cm); Kawabata's instrument has 490 N/m",
+        help: "force per width at `extension`; default with `extension`: 98 N/m, the load at which SiroFAST reports it \
+               (100 gf/cm); Kawabata's instrument uses 490 N/m",
     },
     Field {
         name: "linearity",
         dimension: Dimension::None,
         default: Default::Absent,
         range: (0.0, 1.0),
-        help: "work of stretching up to `extension` by that of a straight line to the same point (LT); 0.5 to 0.8 for \
-               woven cloth; 0.6 if `extension` is given and this is not",
+        help: "work of stretching up to `extension`, divided by the work of a straight line to the same point (LT); \
+               0.5 to 0.8 for woven cloth; default with `extension`: 0.6",
     },
 ];
 
@@ -115,7 +115,7 @@ impl TensileCurve {
             let alone = [("load", load), ("linearity", linearity)].into_iter().find(|(_, value)| value.is_some());
             return alone.map_or(Ok(None), |(name, _)| {
                 let advice = "write the strain at which the cloth carries `load`, or leave both out";
-                Err([format!("`{name}` is of no use without `extension`"), advice.into()])
+                Err([format!("`{name}` requires `extension`"), advice.into()])
             });
         };
         Self::new(stiffness, extension, load.unwrap_or(FULL_LOAD), linearity.unwrap_or(LINEARITY))
@@ -144,8 +144,9 @@ impl TensileCurve {
         let of_exponent = |exponent: f64| straight + 2.0 * (1.0 - straight) / (exponent + 2.0);
         let [most, least] = EXPONENTS.map(of_exponent);
         if !(least..=most).contains(&linearity) {
-            let what =
-                format!("a `linearity` of {linearity} is out of reach of cloth of {stiffness} N/m with this load");
+            let what = format!(
+                "a `linearity` of {linearity} cannot be reached with a stiffness of {stiffness} N/m and this load"
+            );
             let [least, most] = [(1000.0 * least).ceil() / 1000.0, (1000.0 * most).floor() / 1000.0];
             return Err([what, format!("use one from {least:.3} to {most:.3}")]);
         }

@@ -146,7 +146,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let velocity = Vec3::from(settings.vector("velocity"));
     if tangential == 0.0 && density == 0.0 && normal == 0.0 {
         let advice = "give `density`, `tangential` or `normal` a value above zero, or leave the table out";
-        return Err(Problem::scene("wind", "nothing feels it", advice));
+        return Err(Problem::scene("wind", "no effect: `density`, `tangential` and `normal` are all zero", advice));
     }
     if !keys.is_empty() && velocity != Vec3::zeros() {
         return Err(Problem::scene("wind", "`velocity` and `keys` exclude each other", "leave one of them out"));
@@ -154,7 +154,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     if settings.text("file").is_some() != context.scene.description().wind.is_some() {
         return Err(Problem::scene(
             "wind",
-            "a grid of wind needs its `file`, and a file its grid",
+            "a wind grid requires `file`, and `file` requires the grid",
             "give both or none",
         ));
     }

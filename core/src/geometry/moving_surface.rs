@@ -57,7 +57,7 @@ pub(crate) enum SurfaceError {
         found: usize,
     },
     /// A coordinate that is no number.
-    #[error("point {point} of the sample at {time} s is not finite\n  help: look for a broken deformer in that frame")]
+    #[error("point {point} of the sample at {time} s is not finite\n  help: check the deformers in that frame")]
     NotFinite {
         /// Time of the sample \[s\].
         time: f64,

@@ -108,8 +108,8 @@ described! { BodyDescription as body {
         "Coulomb friction against cloth; left out, the largest of the garments' materials if there are any";
     "thickness", body.thickness => Length, default Quantity("1 mm"), range (0.0, 1e3),
         "collision thickness: distance that cloth keeps from the surface; left out, the largest of the garments' \
-         materials if there are any, and for a mesh what keeps its coarse faces and those of the garments from showing through \
-         each other, where that is more";
+         materials if there are any, and for a mesh at least the distance that keeps coarse faces of body and garments \
+         from showing through each other";
     "max_push_speed", body.max_push_speed => Speed, default Number(f64::INFINITY), range (f64::MIN_POSITIVE, f64::INFINITY),
         "maximum depenetration speed; `inf`: no limit, penetration is resolved within a frame";
 } }

@@ -76,7 +76,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
         version: 0,
         unused: &[UnusedKey {
             key: "steps_per_frame",
-            because: "elastic forces choose the steps of `semi_implicit`",
+            because: "it sets the steps of `tr_bdf2` only",
             instead: "cfl = 2 for shorter steps, or integrator = \"tr_bdf2\"",
             limits_explicit_forces: false,
         }],
@@ -90,7 +90,7 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
         version: 9,
         unused: &[UnusedKey {
             key: "cfl",
-            because: "`steps_per_frame` chooses the steps of `tr_bdf2`",
+            because: "it limits the steps for explicit forces, and this scene has none",
             instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
             limits_explicit_forces: true,
         }],

@@ -11,7 +11,7 @@ pub fn why_unusable(name: &str) -> Option<String> {
     }
     let is_usable = |c: char| c.is_alphanumeric() || "_-.".contains(c);
     if let Some(other) = name.chars().find(|c| !is_usable(*c)) {
-        return Some(format!("it holds {other:?}"));
+        return Some(format!("it contains {other:?}"));
     }
     let stem = name.split('.').next().unwrap_or_default().to_uppercase();
     let is_numbered =

@@ -106,8 +106,9 @@ pub fn coarse_place(corners: [Vec3; 3]) -> Option<(f64, f64)> {
 fn coarse_warning(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
     let [x, y, z] = <[f64; 3]>::from(origin);
     format!(
-        "garment \"{name}\": caches count positions from [{x}, {y}, {z}], so far from where it starts that they round by up to \
-         {rounding:.1e} m, more than a tenth of its thickness of {thickness} m: set shot.origin to a place near the cloth"
+        "garment \"{name}\": positions in caches are relative to [{x}, {y}, {z}], so far from its start that rounding \
+         reaches {rounding:.1e} m, more than a tenth of its thickness of {thickness} m: set shot.origin to a point \
+         near the cloth"
     )
 }
 
@@ -116,7 +117,7 @@ pub(crate) fn check_origin(description: &SceneDescription, problems: &mut Vec<Pr
     if description.origin.is_some_and(|origin| !is_possible(&origin)) {
         problems.push(Problem::scene(
             "shot",
-            format!("its origin is not a finite place, or beyond {FARTHEST:e} m"),
+            format!("its origin is not finite, or beyond {FARTHEST:e} m"),
             "write origin = \"auto\", or [x, y, z]",
         ));
     }
@@ -213,6 +214,6 @@ mod tests {
         description.garments.push(square("a", Vec3::zeros()));
         description.origin = Some(Vec3::new(0.0, f64::NAN, 0.0));
         let problems = Scene::validate(description).expect_err("a place that is none");
-        assert!(problems.to_string().contains("its origin is not a finite place"), "{problems}");
+        assert!(problems.to_string().contains("its origin is not finite"), "{problems}");
     }
 }

@@ -41,7 +41,7 @@ described! { all of SolverSettings {
     max_dt => Time, default Auto, range (1e-9, 1e3),
         "largest time step; \"auto\" leaves it to cfl and strain_per_step";
     min_dt => Time, default Number(1e-9), range (1e-15, 1.0),
-        "smallest time step; a run that needs a shorter one ends";
+        "smallest time step; a run that needs a shorter step stops with an error";
     strain_per_step => None, default Auto, range (1e-7, 1e9),
         "largest change of strain of an edge in one time step; \"auto\" takes 0.1, and 0.5 with `tr_bdf2`";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
@@ -104,19 +104,19 @@ impl SolverPreset {
 /// The presets, the fastest first.
 pub const PRESETS: [SolverPreset; 3] = [
     SolverPreset {
-        word: Word { name: "preview", help: "For blocking: 4 long steps a frame, solved less far." },
+        word: Word { name: "preview", help: "For blocking: 4 long steps per frame, with a looser tolerance." },
         integrator: Integrator::TrBdf2,
         steps_per_frame: 4,
         cg_tolerance: Some(PREVIEW_TOLERANCE),
     },
     SolverPreset {
-        word: Word { name: "production", help: "For shots: 8 long steps a frame." },
+        word: Word { name: "production", help: "For shots: 8 long steps per frame." },
         integrator: Integrator::TrBdf2,
         steps_per_frame: 8,
         cg_tolerance: None,
     },
     SolverPreset {
-        word: Word { name: "hero", help: "For what is looked at closely: 16 long steps a frame." },
+        word: Word { name: "hero", help: "For close-ups: 16 long steps per frame." },
         integrator: Integrator::TrBdf2,
         steps_per_frame: 16,
         cg_tolerance: None,
@@ -129,7 +129,7 @@ pub const PRESET: Field = Field {
     dimension: Dimension::None,
     default: settings::Default::Word(&[PRESETS[0].word, PRESETS[1].word, PRESETS[2].word]),
     range: (0.0, 0.0),
-    help: "long time steps, with settings that weigh error against time; keys written beside it override it",
+    help: "long time steps with settings that balance error and time; keys written beside it override it",
 };
 
 #[cfg(test)]

@@ -43,7 +43,7 @@ impl SceneDescription {
             return None;
         }
         if name == "friction" {
-            let what = "friction is no effect by itself: it is part of body_collision and of self_repulsion";
+            let what = "friction is not an effect of its own: it is part of body_collision and of self_repulsion";
             return Some(Problem::scene(place, what, "set `friction` of the bodies or of [self_repulsion] to 0"));
         }
         if effects::find(name).is_none() {
@@ -56,7 +56,7 @@ impl SceneDescription {
         }
         let mut asked: Vec<&str> = self.effects.iter().map(|request| request.effect.as_str()).collect();
         asked.dedup();
-        let advice = format!("it asks for {}", asked.join(", "));
+        let advice = format!("the scene asks for {}", asked.join(", "));
         Some(Problem::scene(place, format!("the scene does not ask for `{name}`"), advice))
     }
 }

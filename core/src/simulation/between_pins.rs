@@ -118,10 +118,10 @@ fn far_bound_warning(scene: &Scene, pin: usize, far: Vec<(f64, u32)>) -> Option<
     let (garment, body) = (&description.garments[description.pins[pin].garment].name, &description.bodies[body].name);
     ranks.is_first().then(|| {
         format!(
-            "garment \"{garment}\": vertices {list} are pinned to the nearest places of body \"{body}\", which are farther than \
-             {FAR_BOUND_EDGES} of their edges and {FAR_BOUND_THICKNESSES} thicknesses, or than {FAR_BOUND} m; the farthest is vertex {vertex}, \
-             {distance:.3} m away: they keep these distances, and swing with the faces there. Start the garment on the body, or \
-             leave them out of the pin"
+            "garment \"{garment}\": vertices {list} are pinned to body \"{body}\", but are too far from it: more than \
+             {FAR_BOUND_EDGES} of their edges and {FAR_BOUND_THICKNESSES} thicknesses, or more than {FAR_BOUND} m; the \
+             farthest is vertex {vertex}, {distance:.3} m away: they keep this distance and swing with the faces \
+             there. Start the garment on the body, or leave these vertices out of the pin"
         )
     })
 }

@@ -69,7 +69,7 @@ impl Simulation {
         let (scene, ranks) = (Arc::clone(&self.scene), self.ranks().clone());
         let parts = scene.parts();
         if ranks.any(!parts.own().all(|i| is_finite(&self.cloth.state.x[i]) && is_finite(&self.cloth.state.v[i]))) {
-            return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
+            return Err(self.not_finite("the end of the frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
         self.dynamics.volumes.update(parts, &self.cloth.state.x);

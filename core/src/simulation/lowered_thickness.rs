@@ -24,7 +24,7 @@ impl LoweredThickness {
     pub fn kept(&self) -> String {
         let Self { asked, least, vertices: [lowered, all], .. } = self;
         let (asked, least) = (1e3 * asked, 1e3 * least);
-        format!("of a thickness of {asked:.3} mm, {lowered} of {all} vertices keep less, {least:.3} mm at the least")
+        format!("{lowered} of {all} vertices keep less than the thickness of {asked:.3} mm, down to {least:.3} mm")
     }
 }
 
@@ -110,7 +110,8 @@ mod tests {
                 let [some, everywhere] = [some, everywhere].map(|mut found| found.remove(0));
                 assert_eq!((some.vertices, everywhere.vertices), ([22, 3002], [3002, 3002]), "{count} ranks");
                 assert!((some.least - 0.0008).abs() < 1e-12 && (everywhere.least - 0.0008).abs() < 1e-12);
-                assert!(some.kept().contains("22 of 3002 vertices keep less, 0.800 mm"), "{}", some.kept());
+                let kept = "22 of 3002 vertices keep less than the thickness of 1.000 mm, down to 0.800 mm";
+                assert_eq!(some.kept(), kept);
             }
         }
     }

@@ -90,11 +90,11 @@ impl FailureKind {
     fn word(self) -> &'static str {
         match self {
             Self::NotFinite(_) => "not finite",
-            Self::Wild => "rate of strain",
+            Self::Wild => "strain rate too high",
             Self::Diverged => "solve diverged",
-            Self::Short => "solve not converged",
-            Self::Unsettled => "layers not settled",
-            Self::Struck => "blow",
+            Self::Short => "solve did not converge",
+            Self::Unsettled => "layers did not settle",
+            Self::Struck => "collision moved a vertex too far",
             Self::Stopped => "collisions unresolved",
         }
     }
@@ -289,7 +289,7 @@ impl Simulation {
         }
         let rate = self.rate_of_strain();
         if !rate.is_finite() {
-            Some(FailureKind::NotFinite("of the step"))
+            Some(FailureKind::NotFinite("the end of the step"))
         } else if rate > self.largest_rate_of_strain() {
             Some(FailureKind::Wild)
         } else if ending == Ending::Resolved && self.was_struck() {

@@ -84,14 +84,14 @@ pub(super) fn start_outside(
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),
                 format!(
-                    "{count} of its vertices start inside body \"{}\"; this one is deepest, {}{:.2} mm",
+                    "{count} of its vertices start inside body \"{}\"; this one is deepest, at {}{:.2} mm",
                     body.name,
                     if deepest == depth_reach(scene) { "more than " } else { "" },
                     1e3 * deepest
                 ),
                 if is_surface {
                     "move the garment off the body at the start frame, or start from a draped pose; if everything is \
-                     inside, the body's faces may be wound the wrong way"
+                     inside, the winding of the body's faces may be reversed"
                 } else {
                     "move the garment or the body in the scene"
                 },

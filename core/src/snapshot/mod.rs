@@ -228,7 +228,9 @@ pub trait SnapshotSource {
 
 /// Why a snapshot cannot be continued.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("section `{section}` of the saved state: {what}\n  help: it belongs to another scene or version; start anew")]
+#[error(
+    "section `{section}` of the saved state: {what}\n  help: it belongs to a different scene or version; start over"
+)]
 pub struct SnapshotError {
     /// Section that does not fit.
     pub section: String,

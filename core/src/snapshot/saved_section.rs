@@ -186,7 +186,7 @@ impl Reader<'_, '_> {
     fn read(&mut self, name: &str, field: &mut Field) -> Result<(), SnapshotError> {
         let ranks = self.parts.ranks();
         let found = read_and_broadcast(ranks, || {
-            let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
+            let source = self.source.as_deref().ok_or_else(|| self.error("it is missing".into()))?;
             source.rows_of(self.section, name)
         })?;
         if let Layout::Nodes { given, .. } = &mut field.layout {

@@ -151,7 +151,7 @@ impl ChunkSource {
         let size = usize::try_from(length).ok();
         let (Some(end), Some(size)) = (end, size) else {
             return Err(Fault::damaged(format!(
-                "{length} bytes at offset {offset} are wanted, but the file has {} bytes",
+                "{length} bytes at offset {offset} are requested, but the file has {} bytes",
                 self.length
             )));
         };
@@ -194,7 +194,7 @@ impl ChunkSource {
     /// Entry `index` of a group.
     pub(crate) fn child(&self, group: Group, index: usize) -> Result<Slot, Fault> {
         if index >= group.count {
-            return Err(Fault::damaged(format!("entry {index} of a group of {} is wanted", group.count)));
+            return Err(Fault::damaged(format!("entry {index} of a group of {} is requested", group.count)));
         }
         self.u64_at(group.offset + 8 + 8 * index as u64).map(Slot)
     }

@@ -115,7 +115,7 @@ impl<'a> Cursor<'a> {
         let (taken, rest) = self
             .bytes
             .split_at_checked(count)
-            .ok_or_else(|| Fault::damaged(format!("a header wants {count} bytes where {} remain", self.bytes.len())))?;
+            .ok_or_else(|| Fault::damaged(format!("a header needs {count} bytes where {} remain", self.bytes.len())))?;
         self.bytes = rest;
         Ok(taken)
     }

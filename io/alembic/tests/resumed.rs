@@ -235,12 +235,12 @@ fn what_cannot_be_continued_is_refused_and_left_alone() {
     let start = good.windows(payload.len()).position(|window| window == payload).unwrap();
     let mut flipped = good.clone();
     flipped[start + 3] ^= 1;
-    refused("last sample", &flipped, &mark, "not what was written");
+    refused("last sample", &flipped, &mark, "differs from what was written");
     refused("root elsewhere", &good, &ArchiveMark { root: mark.root - 8, ..mark }, "damaged");
     refused("root behind the end", &good, &ArchiveMark { root: u64::MAX, ..mark }, "damaged");
-    refused("another digest", &good, &ArchiveMark { digest: [7; 16], ..mark }, "not what was written there");
+    refused("another digest", &good, &ArchiveMark { digest: [7; 16], ..mark }, "differs from what was written there");
     written(&path, &[0, 100, 2, 3]);
-    refused("another run", &bytes(&path), &mark, "not what was written there");
+    refused("another run", &bytes(&path), &mark, "differs from what was written there");
     std::fs::remove_file(&path).unwrap();
     assert!(resumed(&path, &mark).is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -269,7 +269,7 @@ fn another_set_up_is_refused_and_the_file_left_alone() {
     assert!(less.unwrap_err().to_string().contains("/cloth/clothShape: the file has it"));
     let other_rate = ArchiveOptions { frames_per_second: Some(25.0), ..options() };
     let error = ArchiveWriter::resume(&path, &other_rate, &mark, declare).map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("other settings"), "{error}");
+    assert!(error.contains("different settings"), "{error}");
     assert!(bytes(&path) == good);
     // Another version of the program may go on.
     let other_version = ArchiveOptions { application: "test 2".into(), ..options() };

@@ -26,7 +26,7 @@ const BLOCK: usize = 1 << 16;
 
 /// The advice when a checkpoint cannot be used but an earlier one may.
 pub(super) const USE_EARLIER: &str =
-    "continue from an earlier checkpoint with --resume FRAME, or start again with --overwrite";
+    "continue from an earlier checkpoint with --resume FRAME, or start over with --overwrite";
 
 /// Seals a file whose remaining content has been written.
 ///
@@ -50,13 +50,13 @@ pub(super) fn check(path: &Path, file: &mut File) -> Result<(), IoError> {
     }
     let mut found = [0; LENGTH];
     file.seek(SeekFrom::Start(0)).and_then(|_| file.read_exact(&mut found)).map_err(reading)?;
-    let version = version(&found).ok_or_else(|| damaged(path, "start", "this is no checkpoint".into()))?;
+    let version = version(&found).ok_or_else(|| damaged(path, "start", "not a checkpoint".into()))?;
     if version > FORMAT_VERSION {
         return Err(IoError::data(
             path,
             "format version",
             format!("it has version {version}; this program reads up to {FORMAT_VERSION}"),
-            "continue with the newer program that wrote it, or start again with --overwrite",
+            "continue with the newer program that wrote it, or start over with --overwrite",
         ));
     }
     let (bytes, hash) = measure(file).map_err(reading)?;
@@ -64,8 +64,8 @@ pub(super) fn check(path: &Path, file: &mut File) -> Result<(), IoError> {
         return Ok(());
     }
     let what = match recorded_length(&found) {
-        Some(recorded) if recorded != bytes => format!("it has {bytes} bytes, of {recorded} that were written"),
-        _ => "its bytes are not those that were written (SHA-256 differs)".into(),
+        Some(recorded) if recorded != bytes => format!("it has {bytes} bytes, but {recorded} were written"),
+        _ => "its content differs from what was written (SHA-256)".into(),
     };
     Err(damaged(path, "content", what))
 }

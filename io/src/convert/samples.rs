@@ -41,7 +41,7 @@ pub(super) fn chosen(
     let note = |number: usize, which: &str, why: &str| {
         (number > 0).then(|| format!("{}: {number} samples {which} are left out: {why}", described.name))
     };
-    let around = note(outside, "before the first frame or behind the last", "a cache begins and ends with a frame");
+    let around = note(outside, "before the first frame or after the last", "a cache begins and ends with a frame");
     let left_out = |why: &str| {
         let all = around.iter().cloned().chain(note(between.len(), "between frames", why)).collect();
         (Chosen { all: whole(), sub_frames: Vec::new() }, all)
@@ -58,7 +58,7 @@ pub(super) fn chosen(
             && of_frame(*frame).zip(&sub_frames).all(|((_, at), behind)| (at.behind - behind).abs() < ALIKE)
     };
     if !frames[..frames.len() - 1].iter().all(is_alike) {
-        return Ok(left_out("they do not lie alike behind every frame"));
+        return Ok(left_out("they are not at the same times after every frame"));
     }
     let mut all: Vec<(usize, i64, usize)> = whole();
     all.extend(
@@ -72,7 +72,7 @@ pub(super) fn chosen(
 fn no_frames(source: &CacheFrames, mesh: &CacheMesh) -> IoError {
     let fps = source.fps.unwrap_or_default();
     let what = format!("none of its {} samples is at a whole frame at {fps} frames per second", mesh.frames.len());
-    let advice = "say the frame rate of the file with --fps, or export it with samples at whole frames";
+    let advice = "set the frame rate of the file with --fps, or export it with samples at whole frames";
     IoError::data(&source.path, mesh.name.clone(), what, advice)
 }
 

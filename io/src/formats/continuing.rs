@@ -18,7 +18,7 @@ pub(super) fn cannot_continue(path: &Path, place: impl Into<String>, what: impl 
 
 /// The error of a plan that ends before the last frame of the file.
 pub(super) fn too_short(path: &Path, plan: &CachePlan<'_>, held: i64) -> IoError {
-    let what = format!("it holds frame {held}, but the run is to end with frame {}", plan.last_frame);
+    let what = format!("it holds frame {held}, but the run ends at frame {}", plan.last_frame);
     IoError::data(
         path,
         "range",
@@ -34,13 +34,13 @@ pub(super) fn too_short(path: &Path, plan: &CachePlan<'_>, held: i64) -> IoError
 pub(super) fn marked_frames(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<usize, IoError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if name != mark.file.as_str() {
-        return Err(cannot_continue(path, "mark", format!("the checkpoint speaks of the cache {}", mark.file)));
+        return Err(cannot_continue(path, "mark", format!("the checkpoint refers to the cache {}", mark.file)));
     }
     match mark.last_frame {
         None => Ok(0),
         Some(last) if last > plan.last_frame => Err(too_short(path, plan, last)),
         Some(last) if last < plan.first_frame => {
-            let what = format!("the checkpoint speaks of frame {last}, but the run begins at {}", plan.first_frame);
+            let what = format!("the checkpoint refers to frame {last}, but the run begins at {}", plan.first_frame);
             Err(cannot_continue(path, "mark", what))
         }
         // Within the plan, whose frames are counted by usize.

@@ -247,10 +247,10 @@ pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReade
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     Err(IoError::Format {
         path: path.to_owned(),
-        what: format!("meshes are not read from .{extension} files"),
+        what: format!("meshes cannot be read from .{extension} files"),
         advice: match extension.to_lowercase().starts_with("usd") {
             // Only a build without USD comes here with it.
-            true => "this program was built without USD: use one that `make build` makes, or export an .abc".into(),
+            true => "this program was built without USD: use a build with USD (`make build`), or export an .abc".into(),
             false => format!("export it as one of {}", endings(|format| format.open.is_some())),
         },
     })
@@ -289,7 +289,7 @@ impl CacheFrames {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         Err(IoError::Format {
             path: path.to_owned(),
-            what: format!("files of the kind .{extension} are no caches"),
+            what: format!(".{extension} files are not caches"),
             advice: format!("give a file that ends in {}", endings(|format| format.read_back.is_some())),
         })
     }
@@ -326,7 +326,7 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     Err(IoError::Format {
         path: path.to_owned(),
-        what: format!("files of the kind .{extension} cannot be looked into"),
+        what: format!(".{extension} files cannot be inspected"),
         advice: format!("give a file that ends in {}", endings(|_| true)),
     })
 }

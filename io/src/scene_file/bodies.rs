@@ -59,7 +59,7 @@ impl Resolver<'_> {
     fn motion(&mut self, body: &Body, path: &Path) -> RigidMotion {
         for (key, written) in [("rest", body.rest.is_some()), ("units", body.units.is_some())] {
             if written {
-                self.error(&path.clone().key(key), format!("`{key}` has a meaning for bodies from files only"));
+                self.error(&path.clone().key(key), format!("`{key}` applies only to bodies from files"));
             }
         }
         let mut motion = RigidMotion::at(Vec3::from(body.position.unwrap_or_default()));
@@ -70,7 +70,7 @@ impl Resolver<'_> {
                     self.error(&here, "a body takes either a `position` or a `path`, not both");
                 }
                 if points.is_empty() || points.windows(2).any(|w| w[0].0 >= w[1].0) {
-                    self.error(&here, "a path needs at least one point, and times that grow from point to point");
+                    self.error(&here, "a path needs at least one point, and increasing times");
                 }
                 motion.path = points.iter().map(|(time, position)| (*time, Vec3::from(*position))).collect();
             }
@@ -78,7 +78,7 @@ impl Resolver<'_> {
                 let help = "write points: path = [[0.0, [0, 1, 0]], [2.0, [1, 1, 0]]]".to_owned();
                 self.error_with(
                     &path.clone().key("path"),
-                    "a body with a `shape` moves along points, not objects",
+                    "the `path` of a `shape` is a list of points, not an object path",
                     help,
                 );
             }
@@ -113,7 +113,7 @@ impl Resolver<'_> {
         ];
         for (key, _) in of_shapes.iter().filter(|(_, written)| *written) {
             let text =
-                format!("`{key}` has a meaning for bodies with a `shape` only; a file says where its points are");
+                format!("`{key}` applies only to bodies with a `shape`; the points of a file have their own positions");
             self.error(&path.clone().key(key), text);
         }
         let here = path.clone().key("file");
@@ -121,7 +121,11 @@ impl Resolver<'_> {
             Some(BodyPath::Objects(pattern)) => Some(pattern.as_str()),
             Some(BodyPath::Motion(_)) => {
                 let help = "write the paths of its meshes, as in path = \"/hero/*\"".to_owned();
-                self.error_with(&path.clone().key("path"), "a body from a file moves as the file says", help);
+                self.error_with(
+                    &path.clone().key("path"),
+                    "the motion of a body from a file comes from the file",
+                    help,
+                );
                 return None;
             }
             None => None,
@@ -154,7 +158,7 @@ impl Resolver<'_> {
             return Some(());
         }
         let help = "export both from the same mesh, with the same order of points".to_owned();
-        self.data_error(path, format!("{a} has {found} points, and {b} has {count}"), help);
+        self.data_error(path, format!("{a} has {found} points, but {b} has {count}"), help);
         None
     }
 }

@@ -160,7 +160,7 @@ pub(super) fn suggestion(word: &str, words: &[&str]) -> String {
     let ours = ELSEWHERE.iter().find(|(theirs, ours)| *theirs == word && words.contains(ours)).map(|(_, ours)| *ours);
     match ours.or_else(|| nearest(word, words.iter().copied())) {
         Some(best) => format!("did you mean `{best}`?"),
-        None if words.is_empty() => "leave it out: nothing can be named here".to_owned(),
+        None if words.is_empty() => "leave it out: no key is allowed here".to_owned(),
         None => format!("allowed here: {}", words.join(", ")),
     }
 }

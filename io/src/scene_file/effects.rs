@@ -40,7 +40,7 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
     refuse_lacking(root, sources)?;
     for (spec, path) in tables(root) {
         let name = dotted(&path);
-        let help = format!("write [{name}] and its settings below it, or leave it out to do without the effect");
+        let help = format!("write [{name}] and its settings below it, or remove it to switch the effect off");
         fields::check_table(path.find(root), spec.fields, &path, sources, help)?;
         let table = path.find_mut(root).and_then(|node| {
             let place = node.place.clone();

@@ -16,11 +16,11 @@ pub(super) fn usable_for_folder(name: &str) -> Result<(), String> {
         "" => Err("it is empty".to_owned()),
         "." | ".." => Err("it leads to another folder".to_owned()),
         _ if name.contains(['/', '\\']) => Err("it leads to another folder".to_owned()),
-        _ if name.contains(char::is_control) => Err("it holds a character that cannot be seen".to_owned()),
+        _ if name.contains(char::is_control) => Err("it contains a control character".to_owned()),
         _ if name.len() > LONGEST_FILE_NAME => {
             Err(format!("it has {} bytes, and file systems allow {LONGEST_FILE_NAME}", name.len()))
         }
-        _ if name.trim() != name => Err("it begins or ends with a blank".to_owned()),
+        _ if name.trim() != name => Err("it begins or ends with a space".to_owned()),
         _ => names::why_unusable(&name.replace(' ', "_")).map_or(Ok(()), Err),
     }
 }
@@ -31,8 +31,8 @@ pub(super) fn not_utf8(files: &[PathBuf]) -> Vec<String> {
     let unnamed = files.iter().map(whole).filter(|file| file.to_str().is_none());
     let warning = |file: PathBuf| {
         format!(
-            "{file:?}: this path is not UTF-8, so resolved.toml, which can be run again otherwise, does not find the file: \
-             rename it or its folder"
+            "{file:?}: this path is not UTF-8, so resolved.toml cannot name the file and cannot be run again: rename \
+             it or its folder"
         )
     };
     unnamed.map(warning).collect()
@@ -45,8 +45,8 @@ pub(super) fn one_on_some_disks(garments: &[Garment]) -> Vec<String> {
     let warning = |names: &Vec<&str>| {
         let quoted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
         format!(
-            "garments {}: their names differ in capital letters alone, so on disks of Windows and macOS each cache would \
-             replace the other: rename one of them",
+            "garments {}: their names differ only in upper and lower case, so on disks of Windows and macOS their \
+             caches would overwrite each other: rename one of them",
             quoted.join(" and ")
         )
     };

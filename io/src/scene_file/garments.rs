@@ -149,7 +149,7 @@ impl Resolver<'_> {
             (None, Some(total)) => Some(Mass::UniformTotal(total)),
             (None, None) => {
                 let help = "add density = \"150 g/m²\", total_mass in kg, or a material".to_owned();
-                self.error_with(path, format!("it is not said what garment \"{}\" weighs", garment.name), help);
+                self.error_with(path, format!("garment \"{}\" has no mass", garment.name), help);
                 None
             }
             (Some(_), Some(_)) => {
@@ -169,7 +169,7 @@ impl Resolver<'_> {
             garment.leaves.is_some(),
         ];
         if ways.iter().filter(|w| **w).count() != 1 {
-            let help = "say exactly one of `rest`, `panel`, `disc`, `sphere`, `tube` and `leaves`".to_owned();
+            let help = "give exactly one of `rest`, `panel`, `disc`, `sphere`, `tube` and `leaves`".to_owned();
             self.error_with(path, format!("garment \"{}\" needs one mesh", garment.name), help);
             return None;
         }
@@ -192,7 +192,7 @@ impl Resolver<'_> {
         for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {
             // A generated garment may start from a file, which then has units and a path.
             if written && garment.start.is_none() {
-                self.error(&path.clone().key(key), format!("`{key}` has a meaning for garments from files only"));
+                self.error(&path.clone().key(key), format!("`{key}` applies only to garments from files"));
             }
         }
         let form = self.generate(garment, path)?;
@@ -229,11 +229,11 @@ impl Resolver<'_> {
         let total: f64 = leaves.count.iter().map(|c| f64::from(*c)).product();
         // Every pair is tested until the cells are large enough.
         if !(1.0..=2000.0).contains(&total) {
-            self.error(&here.key("count"), format!("{total} leaves are not possible; between 1 and 2000 are"));
+            self.error(&here.key("count"), format!("{total} leaves are out of range; 1 to 2000 are allowed"));
             return None;
         }
         if leaves.side * leaves.aspect.max(1.0) > LARGEST_LEAF {
-            self.error(&here.key("side"), format!("leaves longer than {LARGEST_LEAF} m are not possible"));
+            self.error(&here.key("side"), format!("leaves can be at most {LARGEST_LEAF} m long"));
             return None;
         }
         Some(total * leaves.aspect * f64::from(leaves.resolution).powi(2))
@@ -245,7 +245,7 @@ impl Resolver<'_> {
         if points <= MOST {
             return Some(());
         }
-        let text = format!("about {points:.0} points are too many; at most {MOST:.0} are possible");
+        let text = format!("about {points:.0} points are too many; at most {MOST:.0} are allowed");
         self.error_with(path, text, "lower the resolution".to_owned());
         None
     }

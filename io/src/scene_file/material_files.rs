@@ -135,7 +135,7 @@ pub(super) fn read(
         let is_right = value.is_finite() && if zero { value >= 0.0 } else { value > 0.0 };
         let wanted = if zero { "zero or more" } else { "a number above zero" };
         is_right.then_some(value).ok_or_else(|| {
-            let text = format!("{value} {} is not possible here; expected {wanted}", dimension.si_unit());
+            let text = format!("{value} {} is out of range; expected {wanted}", dimension.si_unit());
             error(&root, sources, key, text.replace("  ", " "))
         })
     };
@@ -252,9 +252,9 @@ mod tests {
             ("density", "densty", "velvet.toml:1:1: unknown key `densty`"),
             ("density", "densty", "did you mean `density`?"),
             ("friction = 0.45\n", "", "`friction` is missing"),
-            ("1.2 mm", "-1.2 mm", "velvet.toml:2:13: `thickness`: -0.0012 m is not possible here"),
+            ("1.2 mm", "-1.2 mm", "velvet.toml:2:13: `thickness`: -0.0012 m is out of range"),
             ("300 N/m", "300 N", "velvet.toml:3:21: "),
-            ("friction = ", "shear = \"-174 N/m\"\nfriction = ", "`shear`: -174 N/m is not possible here"),
+            ("friction = ", "shear = \"-174 N/m\"\nfriction = ", "`shear`: -174 N/m is out of range"),
         ] {
             let folder = folder(SCENE, &[("velvet.toml", &VELVET.replace(from, to))]);
             let error = resolve(&folder, &["cloth"]).expect_err(to).to_string();

@@ -67,9 +67,9 @@ impl Memory {
         let rank = if ranks > 1 { format!(" on each of {ranks} ranks") } else { String::new() };
         Err(NoRoom {
             what: format!(
-                "about {points:.0} points are too many here: they need about {needed}{rank}, {available} are free"
+                "not enough memory: about {points:.0} points need about {needed}{rank}, {available} are free"
             ),
-            advice: "lower the resolution, do with fewer effects, or use more ranks on more machines".to_owned(),
+            advice: "lower the resolution, use fewer effects, or use more ranks on more machines".to_owned(),
         })
     }
 }

@@ -28,7 +28,8 @@ impl Resolver<'_> {
         let read_in = source.units();
         let why = if self.misstated == Some(read_in.metres) {
             Some(format!(
-                "it is read in {}, as a body is whose file says the same unit wrongly; if this file is right, write its `units`",
+                "it is read in {}, because the file of a body states the same unit wrongly; if this file is right, set \
+                 its `units`",
                 general.length.plural()
             ))
         } else if is_body {
@@ -56,7 +57,7 @@ impl Resolver<'_> {
         if let Some(mesh) = self.scene.meshes.named(file) {
             let mesh = self.of_file(path, mesh)?;
             if pattern.is_some() {
-                let help = "leave `path` out, or hand the meshes over one by one".to_owned();
+                let help = "leave `path` out, or pass the meshes one by one".to_owned();
                 self.error_with(path, "a mesh in memory is one object; none can be chosen by its path", help);
                 return None;
             }
@@ -76,7 +77,7 @@ impl Resolver<'_> {
         self.takes(file.clone());
         let Some(source) = self.of_file(path, opened)? else {
             let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
-            self.error_with(path, "the units of this file are not known", help.to_owned());
+            self.error_with(path, "the units of this file are unknown", help.to_owned());
             return None;
         };
         let stated = own.is_none() && source.states_length();

@@ -150,7 +150,7 @@ pub fn parse_with(
     let document: raw::Document = deserialize::read(&own, &sources, names_at)?;
     if document.drapery != VERSION {
         let place = Path::default().key("drapery").place(&root);
-        let text = format!("this scene is of version {}; this program reads version {VERSION}", document.drapery);
+        let text = format!("this scene has version {}; this program reads version {VERSION}", document.drapery);
         return Err(sources.error(&place, text, Some("a newer Drapery may read it".to_owned())));
     }
     // After all keys are known: a key that is missing may be a misspelt one.

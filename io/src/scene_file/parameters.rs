@@ -179,7 +179,7 @@ pub(super) fn take(root: &mut Node, sources: &Sources) -> Result<Table, SceneFil
     for entry in &parameters.0 {
         let help = match &entry.node.value {
             Value::Array(_) | Value::Table(_) => "write the list where it is used, with `$name` for single numbers",
-            Value::Text(text) if text.contains('$') => "a parameter cannot be made of other parameters",
+            Value::Text(text) if text.contains('$') => "a parameter cannot depend on other parameters",
             _ => continue,
         };
         let text = format!("parameter `{}` has to be a number or a text", entry.key);

@@ -178,7 +178,7 @@ impl Resolver<'_> {
         if let (Some(_), Err(message)) = (pin.region, &mut chosen)
             && self.scene.document.units.is_some_and(|units| written(units) != Units::SI)
         {
-            message.push_str("; its box is in metres with Y up, whatever [units] says of files");
+            message.push_str("; its box is in metres with Y up: [units] applies to files only");
         }
         let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
@@ -212,7 +212,7 @@ impl Resolver<'_> {
     fn what_it_follows(&mut self, pin: &Pin, path: &Path) {
         if pin.path.windows(2).any(|points| points[0].0 >= points[1].0) {
             let help = "sort its points by their times".to_owned();
-            self.error_with(&path.clone().key("path"), "the times of a path have to grow from point to point", help);
+            self.error_with(&path.clone().key("path"), "the times of a path have to increase", help);
         }
         let binds = Bind::of(&self.settings(path, &[BIND]), BIND.name) != Bind::Auto;
         let of_others = [
@@ -222,7 +222,7 @@ impl Resolver<'_> {
         ];
         for (key, needed, is_idle) in of_others {
             if is_idle {
-                let what = format!("`{key}` has a meaning with {needed} only, and this pin has `to = \"{}\"`", pin.to);
+                let what = format!("`{key}` applies only with {needed}, but this pin has `to = \"{}\"`", pin.to);
                 self.error_with(&path.clone().key(key), what, format!("write {needed}, or leave `{key}` out"));
             }
         }
@@ -238,7 +238,7 @@ impl Resolver<'_> {
         }
         if hold.is_none() {
             let help = "add for example stiffness = \"200 N/m\"".to_owned();
-            self.error_with(path, "a spring pin needs its `stiffness`", help);
+            self.error_with(path, "a spring pin requires `stiffness`", help);
         }
         hold
     }
@@ -297,7 +297,7 @@ impl Resolver<'_> {
                 let help = "use to = \"start\" with a `path` that moves as the body does".to_owned();
                 self.error_with(
                     &here,
-                    format!("body \"{name}\" is an analytic shape; pins hold on bodies from files"),
+                    format!("body \"{name}\" is an analytic shape; pins can only follow bodies from files"),
                     help,
                 );
             }

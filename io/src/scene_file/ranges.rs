@@ -38,7 +38,7 @@ impl Range {
             (None, Some(most)) => format!("at most {}", short(most)),
             (None, None) => return Ok(()),
         };
-        Err(format!("{} is not possible; expected {expected}", short(value)))
+        Err(format!("{} is out of range; expected {expected}", short(value)))
     }
 }
 
@@ -140,11 +140,11 @@ mod tests {
     fn a_range_says_what_it_expects() {
         let both = Range { least: Some(1.0), most: Some(1e9) };
         assert_eq!(both.check(1.0).and(both.check(1e9)), Ok(()));
-        assert_eq!(both.check(0.5).unwrap_err(), "0.5 is not possible; expected a number from 1 to 1e9");
-        assert_eq!(both.check(f64::NAN).unwrap_err(), "NaN is not possible; expected a number from 1 to 1e9");
+        assert_eq!(both.check(0.5).unwrap_err(), "0.5 is out of range; expected a number from 1 to 1e9");
+        assert_eq!(both.check(f64::NAN).unwrap_err(), "NaN is out of range; expected a number from 1 to 1e9");
         let below = Range { least: Some(0.0), most: None };
         assert_eq!(below.check(f64::INFINITY), Ok(()));
-        assert_eq!(below.check(-1e-300).unwrap_err(), "-1e-300 is not possible; expected 0 or more");
+        assert_eq!(below.check(-1e-300).unwrap_err(), "-1e-300 is out of range; expected 0 or more");
     }
 
     #[test]

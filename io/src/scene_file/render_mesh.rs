@@ -98,7 +98,7 @@ impl Resolver<'_> {
             return None;
         }
         if self.scene.document.garment.iter().any(|other| other.name == name) {
-            let text = format!("the caches of the render mesh are called \"{name}\", and so is a garment");
+            let text = format!("the caches of the render mesh would be called \"{name}\", like a garment");
             self.error_with(here, text, "rename that garment".to_owned());
             return None;
         }
@@ -201,7 +201,7 @@ mod tests {
             ("max_distance = -1", "", "max_distance"),
             ("path = \"/no/such\"", "", "fine.obj"),
             ("smooth = 3", "", "unknown key `smooth`"),
-            ("", garment, "so is a garment"),
+            ("", garment, "like a garment"),
         ] {
             let message = resolved(table, more).map(|_| ()).unwrap_err();
             assert!(message.contains(expected), "{message}");

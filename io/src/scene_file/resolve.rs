@@ -209,7 +209,7 @@ impl Resolver<'_> {
     pub(super) fn of_file<T>(&mut self, path: &Path, result: Result<T, IoError>) -> Option<T> {
         // What no object of the file has is `path`, which stands beside the name of the file.
         let beside = || Path([&path.0[..path.0.len() - 1], &[Segment::Key("path".to_owned())]].concat());
-        let is_path = |error: &IoError| error.to_string().contains("no mesh has a path like");
+        let is_path = |error: &IoError| error.to_string().contains("no mesh path matches");
         let place = match &result {
             Err(error) if is_path(error) && !path.0.is_empty() => beside().place(&self.scene.root),
             _ => path.place(&self.scene.root),
@@ -305,12 +305,11 @@ impl Resolver<'_> {
         let raw::Output { samples, shutter: [open, close], .. } = self.scene.document.output;
         let here = Path::default().key("output").key("shutter");
         if !(open < close && close - open <= 1.0) {
-            let what =
-                format!("a shutter that opens at {open} and closes at {close} is not open, or longer than a frame");
+            let what = format!("the shutter from {open} to {close} is empty, or longer than a frame");
             self.error_with(&here, what, "write when it opens and closes, as in [-0.25, 0.25]".to_owned());
         } else if samples == 1 && [open, close] != raw::Output::default().shutter {
             let help = "write samples = 3 beside it, or leave it out".to_owned();
-            self.error_with(&here, "nothing samples the shutter", help);
+            self.error_with(&here, "`shutter` requires `samples` above 1", help);
         }
     }
 
@@ -329,7 +328,7 @@ impl Resolver<'_> {
         let words = output(self.scene).formats;
         for (index, word) in words.iter().enumerate().filter(|(index, word)| words[..*index].contains(word)) {
             let here = Path::default().key("output").key("format").index(index);
-            self.error_with(&here, format!("the format \"{word}\" is named twice"), "name it once".to_owned());
+            self.error_with(&here, format!("the format \"{word}\" is listed twice"), "list it once".to_owned());
         }
         for (index, word) in words.iter().enumerate().filter(|(_, word)| by_extension(word).is_none()) {
             self.error_with(

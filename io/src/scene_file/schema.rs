@@ -57,7 +57,7 @@ fn insert_effects(properties: &mut Map<String, Value>, scope: Scope) {
 }
 
 fn effect(spec: &EffectSpec) -> Value {
-    let description = format!("Effect: {}. Without this table it does not exist.", spec.summary);
+    let description = format!("Effect: {}. It runs only if this table is present.", spec.summary);
     let mut table = table(spec.fields);
     table["description"] = json!(description);
     table

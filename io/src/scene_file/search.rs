@@ -25,16 +25,16 @@ impl PathMaps {
     /// Maps from pairs of a start and its replacement.
     ///
     /// # Errors
-    /// A start is not one of whole paths, or a replacement is relative; the text says which.
+    /// A start is not one of absolute paths, or a replacement is relative; the text says which.
     pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Result<Self, String> {
         let mut maps = Vec::new();
         for (from, to) in pairs {
             let start = slashes(&from);
             if !start.starts_with('/') && !start.contains(':') {
-                return Err(format!("`{from}` is not the start of a whole path, such as \"X:/\" or \"/mnt/x/\""));
+                return Err(format!("`{from}` is not the start of an absolute path, such as \"X:/\" or \"/mnt/x/\""));
             }
             if !FilePath::new(&to).is_absolute() {
-                return Err(format!("`{to}` has to be a whole path, such as \"/mnt/x/\""));
+                return Err(format!("`{to}` has to be an absolute path, such as \"/mnt/x/\""));
             }
             maps.push((start.trim_end_matches('/').to_owned(), to.trim_end_matches('/').to_owned()));
         }

@@ -62,13 +62,14 @@ impl Resolver<'_> {
         };
         let (cells, Folds { layers, gap }) = (nodes - 1, folds);
         if layers < 2 || u64::from(cells) < 3 * u64::from(layers) {
-            let text = format!("{layers} layers are not possible with {cells} cells along x; 2 to {} are", cells / 3);
+            let text =
+                format!("{layers} layers are out of range with {cells} cells along x; 2 to {} are allowed", cells / 3);
             self.error_with(&here.key("layers"), text, "raise the panel's resolution or its aspect".to_owned());
             return None;
         }
         let cell = (points[1] - points[0]).norm();
         if !(gap > 0.0 && gap < 2.0 * cell) {
-            let text = format!("a gap of {gap} m is not possible; it has to be positive and below {} m", 2.0 * cell);
+            let text = format!("a gap of {gap} m is out of range; it has to be positive and below {} m", 2.0 * cell);
             self.error_with(&here.key("gap"), text, "two cells of the panel make a fold".to_owned());
             return None;
         }

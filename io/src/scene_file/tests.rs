@@ -122,7 +122,7 @@ fn wrong_types_units_and_ranges_show_the_value() {
     );
     assert!(
         panel("0").contains(
-            "sheet.toml:12:24: `garment.0.panel.resolution`: 0 is not possible; expected a number from 1 to 20000"
+            "sheet.toml:12:24: `garment.0.panel.resolution`: 0 is out of range; expected a number from 1 to 20000"
         ),
         "{}",
         panel("0")
@@ -172,7 +172,7 @@ fn values_with_rows_say_at_their_place_what_they_take_and_what_they_do() {
             solver("integrator = \"semi_implizit\""),
             "`integrator` cannot be `semi_implizit`; did you mean `semi_implicit`?",
         ),
-        (solver("integrator = \"euler\""), "it takes semi_implicit, tr_bdf2"),
+        (solver("integrator = \"euler\""), "use one of semi_implicit, tr_bdf2"),
         (solver("integrator = \"implicit\""), "sheet.toml:17:14: `integrator` cannot be `implicit`; write `tr_bdf2`"),
         (
             body("max_push_speed = 0"),
@@ -442,11 +442,11 @@ fn every_problem_of_files_is_reported_at_once() {
     let errors = resolve_in(&empty, DRESSED).expect_err("nothing is there");
     assert_eq!(errors.iter().filter(|e| e.kind == SceneErrorKind::Missing).count(), 2);
     let text = errors[0].to_string();
-    assert!(text.starts_with("dressed.toml:11:8: ") && text.contains("hero.obj: there is no such file"), "{text}");
+    assert!(text.starts_with("dressed.toml:11:8: ") && text.contains("hero.obj: file not found"), "{text}");
 
     let text = DRESSED.replace("[units]\nlength = \"cm\"\nup = \"Z\"\n", "");
     let errors = resolve_in(&wardrobe(), &text).expect_err("no units");
-    assert!(errors[0].message.contains("units of this file are not known"), "{}", errors[0]);
+    assert!(errors[0].message.contains("units of this file are unknown"), "{}", errors[0]);
 
     let folder = wardrobe();
     std::fs::write(folder.path().join("skirt_pins.json"), "{\"pins\": [{\"vertex\": 1}]}").expect("a file");
@@ -461,13 +461,13 @@ fn pins_that_hold_nothing_real_are_refused() {
     assert!(pin("vertices = [35]").contains("vertex 35 does not exist: the garment has 35 vertices"));
     assert!(pin("").contains("exactly one of"));
     assert!(pin("vertices = [0]\nto = \"body:hreo\"").contains("there is no body \"hreo\""));
-    assert!(pin("vertices = [0]\nmode = \"spring\"").contains("needs its `stiffness`"));
+    assert!(pin("vertices = [0]\nmode = \"spring\"").contains("requires `stiffness`"));
     assert!(pin("vertices = [0]\naxes = \"xw\"").contains("not a set of the axes"));
     let nowhere = "where = { box = { min = [9, 9, 9], max = [10, 10, 10] } }";
     assert!(pin(nowhere).contains("holds no vertex") && !pin(nowhere).contains("in metres"));
     let in_centimetres = pin(&format!("{nowhere}\n[units]\nlength = \"cm\""));
     assert!(in_centimetres.contains("holds no vertex; its box is in metres with Y up"), "{in_centimetres}");
-    assert!(pin("file = \"none.json\"").contains("there is no such file"));
+    assert!(pin("file = \"none.json\"").contains("file not found"));
 }
 
 /// Settings of an effect in SI units, with its defaults.
@@ -482,23 +482,20 @@ fn times_words_and_lists_that_contradict_themselves_are_told_at_their_place() {
     for (text, words) in [
         (
             pin("path = [[0.0, [0, 0, 0]], [2.0, [0, 1, 0]], [1.0, [0, 2, 0]]]"),
-            "scenes/sheet.toml:16:8: the times of a path have to grow from point to point",
+            "scenes/sheet.toml:16:8: the times of a path have to increase",
         ),
-        (pin("path = [[1.0, [0, 0, 0]], [1.0, [0, 1, 0]]]"), "the times of a path have to grow"),
+        (pin("path = [[1.0, [0, 0, 0]], [1.0, [0, 1, 0]]]"), "the times of a path have to increase"),
         (pin("axes = \"xyzzy\""), "scenes/sheet.toml:16:8: \"xyzzy\" is not a set of the axes x, y and z"),
         (pin("axes = \"xy\"\nmode = \"spring\"\nstiffness = 20"), "a spring pulls along all axes"),
-        (
-            pin("track = \"track.abc\""),
-            "`track` has a meaning with `to = \"track\"` only, and this pin has `to = \"start\"`",
-        ),
-        (pin("bind = \"nearest\""), "`bind` has a meaning with `to = \"body:…\"` only"),
+        (pin("track = \"track.abc\""), "`track` applies only with `to = \"track\"`, but this pin has `to = \"start\"`"),
+        (pin("bind = \"nearest\""), "`bind` applies only with `to = \"body:…\"`"),
         (seam("start = 2\nclosed = 1"), "this seam is closed at 1 s, before it starts to close at 2 s"),
         (
             without_preroll(seam("start = 2")),
             "this seam is closed at 1 s, as `closed` is left out, before it starts to close at 2 s",
         ),
         (seam("start = 2"), "this seam is closed at 0 s, as `closed` is left out"),
-        (format!("{SHEET}[output]\nformat = [\"abc\", \"h5\", \"abc\"]\n"), "the format \"abc\" is named twice"),
+        (format!("{SHEET}[output]\nformat = [\"abc\", \"h5\", \"abc\"]\n"), "the format \"abc\" is listed twice"),
     ] {
         assert!(message(&text).contains(words), "{words}\n{}", message(&text));
     }

@@ -248,7 +248,7 @@ impl Reader<'_> {
                 Value::Float(number.as_str().parse().map_err(|_| wrong("this is not a number that f64 can hold"))?)
             }
             DeValue::Datetime(_) => {
-                return Err(wrong("dates have no use in a scene; write text in quotes or a number"));
+                return Err(wrong("dates are not allowed in a scene; write text in quotes or a number"));
             }
             DeValue::Array(items) => Value::Array(items.iter().map(|item| self.node(item)).collect::<Result<_, _>>()?),
             DeValue::Table(table) => Value::Table(self.table(table)?),

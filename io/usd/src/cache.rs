@@ -38,7 +38,7 @@ pub enum CacheError {
         what: String,
     },
     /// A stage that another program made.
-    #[error("{}: it is no cache of this program: {what}", path.display())]
+    #[error("{}: not a Drapery cache: {what}", path.display())]
     NotOurs {
         /// The file.
         path: PathBuf,
@@ -114,7 +114,9 @@ impl Cache {
             Some(Value::Dictionary(mut custom)) => custom.remove("drapery"),
             _ => None,
         };
-        let Some(Value::Dictionary(ours)) = ours else { return Err(not_ours("its customLayerData does not say so")) };
+        let Some(Value::Dictionary(ours)) = ours else {
+            return Err(not_ours("its customLayerData has no entry `drapery`"));
+        };
         let topology = match field(&root, "subLayers") {
             Some(Value::StringVec(layers)) => layers.into_iter().next(),
             Some(Value::AssetPathVec(layers)) => layers.into_iter().next().map(|asset| asset.authored_path),
@@ -124,7 +126,7 @@ impl Cache {
         let base = path.parent().unwrap_or(Path::new("."));
         let folder = base.join(&topology).parent().unwrap_or(base).to_owned();
         let Some(Value::Token(prim)) = field(&root, "defaultPrim") else {
-            return Err(not_ours("no prim is its default"));
+            return Err(not_ours("it has no defaultPrim"));
         };
         let clips = sdf::Path::new(&format!("/{prim}")).ok().and_then(|prim| match field(&prim, "clips") {
             Some(Value::Dictionary(mut sets)) => sets.remove("default"),
@@ -197,7 +199,7 @@ impl Cache {
                     Value::TimeSamples(mut samples) if samples.len() == 1 && samples[0].0 == time => {
                         Ok(samples.pop().map(|(_, value)| value))
                     }
-                    _ => Err(damaged(format!("{name} has no sample at frame {time}, or others"))),
+                    _ => Err(damaged(format!("{name} has no sample at frame {time}, or has others"))),
                 },
             }
         };
@@ -205,17 +207,17 @@ impl Cache {
             match sample(name)? {
                 None => Ok(None),
                 Some(Value::Vec3fVec(all)) => Ok(Some(all.into_iter().map(<[f32; 3]>::from).collect())),
-                Some(_) => Err(damaged(format!("{name} are no vectors"))),
+                Some(_) => Err(damaged(format!("{name} are not vectors"))),
             }
         };
         let points = vectors("points")?.ok_or_else(|| damaged("it holds no points".to_owned()))?;
         let velocities = vectors("velocities")?;
         if velocities.as_ref().is_some_and(|all| all.len() != points.len()) {
-            return Err(damaged("there are not as many velocities as points".to_owned()));
+            return Err(damaged("the number of velocities differs from the number of points".to_owned()));
         }
         let normals = vectors("normals")?;
         if normals.as_ref().is_some_and(|all| all.len() != points.len()) {
-            return Err(damaged("there are not as many normals as points".to_owned()));
+            return Err(damaged("the number of normals differs from the number of points".to_owned()));
         }
         let crossings = match sample("drapery:crossings")? {
             Some(Value::Uint(count)) => Some(count),
@@ -248,7 +250,7 @@ fn samples_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Resul
     let (between, clips_between): (Vec<f64>, Vec<PathBuf>) = others.into_iter().unzip();
     clips.extend(clips_between);
     if frames.is_empty() || active.len() != assets.len() || !in_order {
-        return Err(damaged("its clips and their times do not belong together"));
+        return Err(damaged("its clips and their times do not match"));
     }
     Ok(Samples { frames, between, clips })
 }
@@ -266,7 +268,7 @@ fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
         _ => String::new(),
     };
     let mesh = paths.iter().find(|path| path.is_prim_path() && kind(path) == "Mesh").cloned();
-    let mesh = mesh.ok_or_else(|| damaged("it holds no mesh".to_owned()))?;
+    let mesh = mesh.ok_or_else(|| damaged("it contains no mesh".to_owned()))?;
     let default = |prim: &sdf::Path, name: &str| -> Result<Option<Value>, CacheError> {
         let attribute = prim.append_property(name).map_err(|e| damaged(e.to_string()))?;
         let value = layer.try_field(&attribute, "default").map_err(|e| damaged(with_sources(&e)))?;
@@ -284,7 +286,7 @@ fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
     };
     let (face_counts, face_indices) = (whole("faceVertexCounts")?, whole("faceVertexIndices")?);
     if face_counts.iter().map(|count| u64::from(*count)).sum::<u64>() != face_indices.len() as u64 {
-        return Err(damaged("its faces have not as many corners as they say".to_owned()));
+        return Err(damaged("its faceVertexCounts and faceVertexIndices do not match".to_owned()));
     }
     let mut still = Still { face_counts, face_indices, ..Still::default() };
     for prim in mesh.ancestors_below_root() {
@@ -308,9 +310,9 @@ fn read_text_layer(path: &Path) -> Result<sdf::Data, CacheError> {
     let mut start = Vec::new();
     fs::File::open(path).map_err(failed)?.take(5).read_to_end(&mut start).map_err(failed)?;
     if start != *b"#usda" {
-        return Err(not_ours("it is no text layer"));
+        return Err(not_ours("not a text layer"));
     }
-    let text = String::from_utf8(fs::read(path).map_err(failed)?).map_err(|_| not_ours("it is no text"))?;
+    let text = String::from_utf8(fs::read(path).map_err(failed)?).map_err(|_| not_ours("not text"))?;
     let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
     if let Some(what) = promises::problem(&SharedBuffer::new(text.clone().into_bytes())) {
         return Err(damaged(what));
@@ -322,7 +324,7 @@ fn read_binary_layer(path: &Path) -> Result<usdc::CrateData, CacheError> {
     let failed = |source| CacheError::Io { path: path.to_owned(), source };
     // Before it is opened: to open a pipe waits for a writer, and a device may have no end.
     if !fs::metadata(path).map_err(failed)?.is_file() {
-        return Err(CacheError::Damaged { path: path.to_owned(), what: "it is no file".to_owned() });
+        return Err(CacheError::Damaged { path: path.to_owned(), what: "not a file".to_owned() });
     }
     let bytes = fs::read(path).map_err(failed)?;
     let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };

@@ -81,20 +81,23 @@ fn meshes_that_contradict_themselves_are_named_with_the_element() {
     };
     let three = "[(0,0,0), (1,0,0), (0,1,0)]";
     for (text, expected) in [
-        (mesh(three, "[3]", "[0, 1, 3]"), "corner 2 is point 3, and the mesh has 3 points"),
+        (mesh(three, "[3]", "[0, 1, 3]"), "corner 2 is point 3, but the mesh has 3 points"),
         (mesh(three, "[3]", "[0, -1, 2]"), "corner 1 is point -1"),
-        (mesh(three, "[4]", "[0, 1, 2]"), "its faces have 4 corners, and faceVertexIndices has 3 values"),
+        (mesh(three, "[4]", "[0, 1, 2]"), "its faces have 4 corners, but faceVertexIndices has 3 values"),
         (mesh(three, "[2, 3]", "[0, 1, 0, 1, 2]"), "face 0 has 2 corners"),
         (mesh(three, "[-3]", "[0, 1, 2]"), "face 0 has -3 corners"),
         ("def Mesh \"m\" { int[] faceVertexCounts = [3] }".to_owned(), "it has no points"),
-        ("def Mesh \"m\" { int[] points = [1, 2, 3] }".to_owned(), "no list of points"),
-        (triangle("m", "token[] xformOpOrder = [\"xformOp:shear\"]"), "`xformOp:shear` is not an operation"),
-        (triangle("m", "float xformOp:translate = 2\n token[] xformOpOrder = [\"xformOp:translate\"]"), "another type"),
+        ("def Mesh \"m\" { int[] points = [1, 2, 3] }".to_owned(), "not a list of points"),
+        (triangle("m", "token[] xformOpOrder = [\"xformOp:shear\"]"), "`xformOp:shear` is not a known operation"),
+        (
+            triangle("m", "float xformOp:translate = 2\n token[] xformOpOrder = [\"xformOp:translate\"]"),
+            "does not match its name",
+        ),
         (
             triangle("m", "float3 xformOp:scale = (0, 1, 1)\n token[] xformOpOrder = [\"!invert!xformOp:scale\"]"),
             "has no inverse",
         ),
-        (triangle("m", "def GeomSubset \"s\" { int[] indices = [1] }"), "it holds face 1, and the mesh has 1 faces"),
+        (triangle("m", "def GeomSubset \"s\" { int[] indices = [1] }"), "it holds face 1, but the mesh has 1 faces"),
         (
             triangle(
                 "m",
@@ -163,10 +166,10 @@ fn skeletons_that_do_not_fit_are_named() {
             "2 joints and 3 bindTransforms",
         ),
         ("[\"a\", \"a/b\"]", "[\"a/b\", \"a\"]", "stands before its parent"),
-        ("[0,1, 0,1, 0,1]", "[0,1, 0,2, 0,1]", "point 1 follows joint 2, and there are 2 joints"),
+        ("[0,1, 0,1, 0,1]", "[0,1, 0,2, 0,1]", "point 1 follows joint 2, but there are 2 joints"),
         ("[0,1, 0,1, 0,1]", "[0,1, 0,1]", "4 joint indices, 6 weights"),
         ("0.5,0.5", "nan,0.5", "a weight of point 1 is NaN"),
-        ("rel skel:skeleton = </r/s>", "rel skel:skeleton = </r/nowhere>", "which is no skeleton"),
+        ("rel skel:skeleton = </r/s>", "rel skel:skeleton = </r/nowhere>", "which is not a skeleton"),
         (
             "rel skel:skeleton",
             "uniform token primvars:skel:skinningMethod = \"cubic\"\n rel skel:skeleton",
@@ -228,7 +231,7 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
         ("/b", Some("its purpose is guide")),
         ("/c/d", Some("it is invisible")),
         ("/e/f", Some("its purpose is proxy")),
-        ("/g/h", Some("it is below a PointInstancer, and none of its prototypes")),
+        ("/g/h", Some("it is below a PointInstancer, but not one of its prototypes")),
         ("/i", None),
     ];
     assert_eq!(messages, expected.map(|(path, why)| (path, why.map(str::to_owned))));

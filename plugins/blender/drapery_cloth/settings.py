@@ -175,9 +175,9 @@ class DraperyScene(bpy.types.PropertyGroup):
                        "rest frame to the first")
     preset: EnumProperty(
         name="Quality", default="production",
-        items=[("preview", "Preview", "For blocking: 4 long steps a frame"),
-               ("production", "Production", "For shots: 8 long steps a frame"),
-               ("hero", "Hero", "For close-ups: 16 long steps a frame")])
+        items=[("preview", "Preview", "For blocking: 4 long steps per frame"),
+               ("production", "Production", "For shots: 8 long steps per frame"),
+               ("hero", "Hero", "For close-ups: 16 long steps per frame")])
     gravity: BoolProperty(name="Gravity", default=True, description="9.81 m/s² downwards, whatever the unit scale is")
     self_contact: BoolProperty(name="Self Collision", default=True,
                                description="Layers and garments keep apart and never pass through each other")

@@ -208,7 +208,7 @@ impl CacheWriter {
             let known: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
             return Err(raised(IoError::Format {
                 path,
-                what: format!("caches are not written as .{extension} files"),
+                what: format!("caches cannot be written as .{extension} files"),
                 advice: format!("give a file that ends with {}", known.join(", ")),
             }));
         };
@@ -269,7 +269,7 @@ impl CacheWriter {
             return Err(usage(format!("{path}: all frames up to {} are written\n  help: {advice}", self.frames.1)));
         }
         if velocities.is_some() != self.velocities {
-            let what = if self.velocities { "needs velocities" } else { "was begun without velocities" };
+            let what = if self.velocities { "needs velocities" } else { "was started without velocities" };
             return Err(usage(format!("{path}: this cache {what}\n  help: give them with every frame, or never")));
         }
         let positions = self.stored(&positions, "positions", frame)?;

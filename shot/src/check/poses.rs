@@ -83,7 +83,8 @@ impl<'a> Poses<'a> {
             Some(first) if share < FLATTENED * first => self.collapses.note(|| {
                 let left = 100.0 * share / first;
                 format!(
-                    "{}: the body is squashed flat, with {left:.1} % of the volume to its area of the first sample",
+                    "{}: the body collapses: its ratio of volume to area is {left:.1} % of the value in the first \
+                     sample",
                     place()
                 )
             }),
@@ -92,12 +93,12 @@ impl<'a> Poses<'a> {
         if let Some((since, size_before, before)) = &self.before {
             let (speed, vertex) = fastest(before, positions, time - since);
             if speed > JUMP {
-                self.jumps.note(|| format!("{}: vertex {vertex} gets there at {speed:.0} m/s", place()));
+                self.jumps.note(|| format!("{}: vertex {vertex} moves at {speed:.0} m/s", place()));
             }
             let factor = size / size_before;
             if !(1.0 / RESIZED..=RESIZED).contains(&factor) && !factor.is_nan() {
                 self.sizes
-                    .note(|| format!("{}: the body is {factor:.3} times the size it had a sample before", place()));
+                    .note(|| format!("{}: the body is {factor:.3} times as large as in the sample before", place()));
             }
             // Those of the first sample are errors, and are reported as such.
             if let Some(faces) = listed(flat_faces(self.triangles, positions)) {
@@ -116,11 +117,10 @@ impl<'a> Poses<'a> {
             "cloth cannot follow that; if the animation is cut there, simulate what comes after it as a shot of its own, with a \
              pre-roll",
         );
-        let sizes = self.sizes.warnings("look at this frame and the units of the file, and export it again");
-        let flat =
-            self.flat.warnings("they have no outside as long as that lasts; look at this frame of the animation");
+        let sizes = self.sizes.warnings("check this frame and the units of the file, and export it again");
+        let flat = self.flat.warnings("they have no outside while that lasts; check this frame of the animation");
         let collapses =
-            self.collapses.warnings("cloth finds no inside to keep out of; look at this frame and export it again");
+            self.collapses.warnings("the body has no inside to keep cloth out; check this frame and export it again");
         [jumps, sizes, flat, collapses].into_iter().flatten()
     }
 }
@@ -148,7 +148,7 @@ pub(crate) fn path_warning(place: &str, points: &[(f64, Vec3)]) -> Option<String
         let ((since, from), (time, to)) = (ends[0], ends[1]);
         let speed = (to - from).norm() / (time - since);
         if speed > JUMP {
-            jumps.note(|| format!("{place}: its path goes at {speed:.0} m/s from {since} s to {time} s"));
+            jumps.note(|| format!("{place}: it moves along its path at {speed:.0} m/s from {since} s to {time} s"));
         }
     }
     jumps.warnings("cloth cannot follow that; give these points of the path more time")
@@ -168,8 +168,8 @@ pub(crate) fn spin_warning(place: &str, shape: &Shape, motion: &RigidMotion) -> 
     let speed = turns * reach;
     (speed > JUMP).then(|| {
         format!(
-            "{place}: it spins at {turns:.0} rad/s, and its surface goes at up to {speed:.0} m/s: cloth cannot follow that; write \
-             a smaller `angular_velocity`, which is in radians a second"
+            "{place}: it spins at {turns:.0} rad/s, and its surface moves at up to {speed:.0} m/s: cloth cannot follow \
+             that; write a smaller `angular_velocity`, which is in radians per second"
         )
     })
 }
@@ -205,14 +205,14 @@ mod tests {
         let at = |place: f64, size: f64| pose(Vec3::x() * place, size);
         let jump = warnings(&[at(0.0, 1.0), at(0.0, 1.0), at(100.0, 1.0), at(100.0, 1.0)]);
         assert_eq!(jump.len(), 1, "{jump:?}");
-        assert!(jump[0].starts_with("frame 2: vertex 0 gets there at 2400 m/s: "), "{jump:?}");
+        assert!(jump[0].starts_with("frame 2: vertex 0 moves at 2400 m/s: "), "{jump:?}");
         let point = warnings(&[at(0.0, 1.0), at(0.0, 0.0), at(0.0, 1.0)]);
-        assert!(point[0].starts_with("frame 1: the body is 0.000 times the size"), "{point:?}");
+        assert!(point[0].starts_with("frame 1: the body is 0.000 times as large"), "{point:?}");
         assert!(point[0].contains("in 1 more sample"), "{point:?}");
         assert!(point[1].contains("faces between the points 0-2-1") && point[1].contains("have no area"), "{point:?}");
         let grown = warnings(&[at(0.0, 1.0), at(0.0, 1000.0), at(0.0, 1.0)]);
         assert!(grown[0].contains("m/s, and in 1 more sample:"), "{grown:?}");
-        assert!(grown[1].starts_with("frame 1: the body is 1000.000 times the size"), "{grown:?}");
+        assert!(grown[1].starts_with("frame 1: the body is 1000.000 times as large"), "{grown:?}");
     }
 
     #[test]
@@ -224,10 +224,11 @@ mod tests {
         let disc = warnings(&[squashed(1.0), squashed(1e-3), squashed(1e-3), squashed(1.0)]);
         assert_eq!(disc.len(), 1, "{disc:?}");
         assert!(
-            disc[0].starts_with("frame 1: the body is squashed flat, with 0.") && disc[0].contains("in 1 more sample"),
+            disc[0].starts_with("frame 1: the body collapses: its ratio of volume to area is 0.")
+                && disc[0].contains("in 1 more sample"),
             "{disc:?}"
         );
-        assert!(warnings(&[squashed(0.0), squashed(0.0)]).iter().all(|said| !said.contains("squashed")));
+        assert!(warnings(&[squashed(0.0), squashed(0.0)]).iter().all(|said| !said.contains("collapses")));
         assert!(warnings(&[squashed(1.0), squashed(0.5), squashed(0.2)]).is_empty());
     }
 
@@ -235,7 +236,10 @@ mod tests {
     fn a_path_that_jumps_is_said_with_its_times() {
         let path = [(0.0, Vec3::zeros()), (1.0, Vec3::x() * 99.0), (1.1, Vec3::zeros())];
         let warnings = path_warning("body \"ball\"", &path).unwrap_or_default();
-        assert!(warnings.starts_with("body \"ball\": its path goes at 990 m/s from 1 s to 1.1 s"), "{warnings}");
+        assert!(
+            warnings.starts_with("body \"ball\": it moves along its path at 990 m/s from 1 s to 1.1 s"),
+            "{warnings}"
+        );
         assert_eq!(path_warning("body \"ball\"", &path[..2]), None);
     }
 
@@ -247,7 +251,7 @@ mod tests {
         assert_eq!(spin_warning("body \"ball\"", &ball, &spinning(199.0)), None);
         let said = spin_warning("body \"ball\"", &ball, &spinning(1000.0)).unwrap_or_default();
         assert!(
-            said.starts_with("body \"ball\": it spins at 1000 rad/s, and its surface goes at up to 500 m/s"),
+            said.starts_with("body \"ball\": it spins at 1000 rad/s, and its surface moves at up to 500 m/s"),
             "{said}"
         );
         let board = Shape::Box { half_extents: [3.0, 0.1, 4.0] };

@@ -10,7 +10,7 @@ const SAME: f64 = 2e-4;
 pub(crate) fn other_rate(motion: &InputMotion, fps: f64) -> Option<(String, String)> {
     let (rate, how) = match motion.source.frame_rate()? {
         FrameRate::Stated(rate) if is_same(rate / fps, 1.0) => return None,
-        FrameRate::Stated(rate) => (rate, "the file says"),
+        FrameRate::Stated(rate) => (rate, "the file states"),
         // Several samples to a frame, or one to several frames.
         FrameRate::Sampled(rate) if is_whole(rate / fps) || is_whole(fps / rate) => return None,
         FrameRate::Sampled(rate) => (rate, "the samples of the file are at"),

@@ -261,7 +261,7 @@ pub(crate) fn load(entry: &Entry) -> Result<Loaded, IoError> {
     let head = &checkpoint.head;
     if (head.frame, head.sub_step) != (entry.frame, entry.sub_step) {
         let name = file_name(head.frame, head.sub_step);
-        return Err(damaged(&entry.path, "name", format!("it holds what belongs into {name}")));
+        return Err(damaged(&entry.path, "name", format!("its content belongs in {name}")));
     }
     let account = read_account(&entry.path, checkpoint.content_hash());
     Ok(Loaded { checkpoint, account, path: entry.path.clone() })

@@ -115,7 +115,7 @@ impl Fingerprint {
     /// An input cannot be read.
     pub fn of(resolved: &str, scene_path: &Path, inputs: &[PathBuf], versions: Versions<'_>) -> Result<Self, IoError> {
         let table: toml::Table = toml::from_str(resolved).map_err(|error| {
-            let advice = "this is a fault of Drapery; please report it with the scene";
+            let advice = "this is a bug in Drapery; please report it with the scene";
             IoError::data(scene_path, "the scene with its defaults", error.to_string(), advice)
         })?;
         let mut scene = BTreeMap::new();

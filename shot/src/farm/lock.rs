@@ -165,7 +165,7 @@ impl RunLock {
         }
         // Whoever replaces a lock holds the system's lock on it for an instant only; somebody has stopped in it.
         let name = holder.map_or_else(|| "an unknown process".to_owned(), |holder| holder.to_string());
-        let what = format!("several runs are taking this folder from {name} at the same time");
+        let what = format!("several runs are taking over this folder from {name} at the same time");
         Err(IoError::Locked { path, what, advice: "end them, then start one of them again".to_owned() })
     }
 

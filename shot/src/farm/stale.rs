@@ -161,7 +161,7 @@ pub(crate) fn removed_in_words(names: &[String]) -> String {
     if names.is_empty() {
         return String::new();
     }
-    format!("; {} removed there: a copy that stays has the same frames", names.join(", "))
+    format!("; removed {} there: a copy that is kept has the same frames", names.join(", "))
 }
 
 /// The copy in a folder, if it is one of frames of the same scene, inputs and solver, and of nothing else.

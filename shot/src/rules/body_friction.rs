@@ -29,8 +29,8 @@ fn of_body(body: &BodyDescription, fabrics: &[Option<Fabric>]) -> Option<Finding
     (!list.is_empty()).then(|| Finding {
         object: format!("body \"{}\"", body.name),
         message: format!(
-            "its friction {} overrides that of the fabrics, {}; another fabric changes nothing here. Without the key, \
-             the largest of them holds",
+            "its friction {} overrides the friction of the fabrics, {}; changing the fabric has no effect here. \
+             Without the key, the largest of them is used",
             body.friction,
             list.join(" and ")
         ),

@@ -15,13 +15,13 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     odd.map(|(garment, density)| Finding {
         object: format!("garment \"{}\"", garment.name),
         message: format!(
-            "its density is {density} kg/m², and fabrics have {} to {} kg/m²; a bare number is in kg/m²",
+            "its density is {density} kg/m², but fabrics have {} to {} kg/m²; a bare number is in kg/m²",
             FABRICS.start(),
             FABRICS.end()
         ),
         line: match FABRICS.contains(&(density * 1e-3)) {
             true => format!("density = \"{density} g/m²\", if that is meant"),
-            false => "density = \"150 g/m²\", which is a shirt\'s".to_owned(),
+            false => "density = \"150 g/m²\" for a shirt".to_owned(),
         },
     })
     .collect()

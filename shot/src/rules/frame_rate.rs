@@ -21,7 +21,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
 fn of_motion(motion: &InputMotion, fps: f64) -> Option<Finding> {
     let (how, line) = other_rate(motion, fps)?;
     let message = format!(
-        "{}: {how} frames per second, and the shot has {}: frames of the shot are not those of the file",
+        "{}: {how} frames per second, but the shot has {}: their frames do not line up",
         motion.source.path().display(),
         shown(fps)
     );

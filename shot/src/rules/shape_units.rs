@@ -46,10 +46,11 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
         if let (PinTarget::Path { offsets, .. }, Some(garment)) = (&pin.target, facts.scene.garments.get(pin.garment)) {
             let farthest = offsets.iter().map(|(_, offset)| offset.amax()).fold(0.0, f64::max);
             let object = format!("garment \"{}\", pin {number}", garment.name);
-            findings
-                .extend(suspect.length(&object, "its path goes", farthest, |length| {
+            findings.extend(
+                suspect.length(&object, "its path reaches", farthest, |length| {
                     format!("its path in metres, up to {length}")
-                }));
+                }),
+            );
         }
     }
     findings
@@ -72,7 +73,7 @@ impl Suspect {
         }
         let unit = self.unit.word();
         let message = format!(
-            "{what} {} m: numbers of a scene are in metres, and [units] length = \"{unit}\" is about files",
+            "{what} {} m: numbers of a scene are in metres; [units] length = \"{unit}\" applies to files only",
             rounded(length)
         );
         Some(Finding { object: object.to_owned(), message, line: line(rounded(meant)) })
@@ -106,7 +107,7 @@ impl Suspect {
             "path" => format!("its path in metres, {} there", shown(metres)),
             _ => format!("position = {}", shown(metres)),
         };
-        self.length(&format!("body \"{}\"", body.name), &format!("its {key} goes out to"), farthest.amax(), line)
+        self.length(&format!("body \"{}\"", body.name), &format!("its {key} reaches"), farthest.amax(), line)
     }
 }
 
@@ -116,7 +117,7 @@ fn upright(body: &BodyDescription, shape: &Shape) -> Option<Finding> {
     let stands = *shape == Shape::HalfSpace && normal.y.abs() < UPRIGHT;
     stands.then(|| Finding {
         object: format!("body \"{}\"", body.name),
-        message: "it is a wall: shapes have Y up, and [units] up = \"Z\" is about files".to_owned(),
+        message: "it is a wall: shapes have Y up; [units] up = \"Z\" applies to files only".to_owned(),
         line: "shape = { half_space = {} } without a rotation for level ground".to_owned(),
     })
 }
@@ -129,8 +130,10 @@ fn of_gravity(facts: &Facts<'_>) -> Option<Finding> {
     let size = Vec3::from(*pull).norm();
     let is_earth = |unit: &LengthUnit| (size * unit.metres() / EARTH - 1.0).abs() < NEAR;
     let unit = LengthUnit::ALL.into_iter().filter(|unit| *unit != LengthUnit::Metre).find(is_earth)?;
-    let message =
-        format!("{size} m/s² look like {}/s²: numbers of a scene are in metres, whatever [units] says", unit.word());
+    let message = format!(
+        "{size} m/s² looks like {}/s²: numbers of a scene are in metres; [units] applies to files only",
+        unit.word()
+    );
     let line = format!("acceleration = {}", shown(Vec3::from(*pull) * unit.metres()));
     Some(Finding { object: "gravity".to_owned(), message, line })
 }

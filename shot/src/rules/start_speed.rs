@@ -20,9 +20,9 @@ fn of_garment(garment: &GarmentDescription) -> Option<Finding> {
     (speed > JUMP).then(|| Finding {
         object: format!("garment \"{}\"", garment.name),
         message: format!(
-            "{whose} at {speed:.0} m/s, and cloth is torn or folded at once when it meets something at more than {JUMP} m/s; \
-             numbers of the scene are in metres a second, whatever `[units]` says of the files"
+            "{whose} at {speed:.0} m/s; cloth that meets something at more than {JUMP} m/s is overstretched or folded \
+             at once; numbers of a scene are in metres per second, `[units]` applies to files only"
         ),
-        line: "`velocity` and `random_velocity` in m/s: a hundredth of what they are, if they were meant in cm/s".to_owned(),
+        line: "`velocity` and `random_velocity` in m/s: a hundredth of these numbers, if meant in cm/s".to_owned(),
     })
 }

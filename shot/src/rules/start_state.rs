@@ -20,8 +20,9 @@ fn of_objects(
     };
     let where_to = if other == "itself" { "unfold it" } else { "move them apart" };
     let message = format!(
-        "it crosses {other} at the start, in {pairs} pair{} of an edge and a triangle; the first is edge {p}-{q} of {edge_of} and \
-         triangle {a}-{b}-{c} of {triangle_of}: {where_to} at the start, or start from a pose in which nothing crosses",
+        "it intersects {other} at the start, in {pairs} pair{} of an edge and a triangle; the first is edge {p}-{q} of \
+         {edge_of} and triangle {a}-{b}-{c} of {triangle_of}: {where_to} at the start, or start from a pose without \
+         intersections",
         if *pairs == 1 { "" } else { "s" }
     );
     let line = "start = \"file.abc@frame\" with such a pose".to_owned();
@@ -42,8 +43,8 @@ fn of_garment(found: &StartLengths) -> Finding {
     Finding {
         object: format!("garment \"{garment}\""),
         message: format!(
-            "of its {edges} edges, {} at the start: look at its `start`, at the unit of that file, at `jitter`, and at where pins \
-             put vertices",
+            "{edges} edges, of which {} at the start: check its `start`, the unit of that file, `jitter`, and the \
+             positions that pins give to vertices",
             what.join(", and ")
         ),
         line: "start = \"file.abc@frame\" of the same mesh, or leave it out".to_owned(),

@@ -23,8 +23,8 @@ pub(super) fn find(simulation: &Simulation) -> Vec<Finding> {
 
 fn of_garment(found: &LoweredThickness) -> Finding {
     let message = format!(
-        "{}: their edges are short; a mesh with longer edges or a larger `{CLAMP}` keeps more, and a smaller thickness is what \
-         holds everywhere",
+        "{}: their edges are short; longer edges or a larger `{CLAMP}` keep more, and a smaller thickness is kept \
+         everywhere",
         found.kept()
     );
     // Rounded down, so that what is written holds.

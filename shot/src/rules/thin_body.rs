@@ -18,8 +18,8 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
             found.push(Finding {
                 object: format!("body \"{}\"", body.name),
                 message: format!(
-                    "it is {:.2} mm thick, and faces of cloth and body as coarse as these need {needed:.2} mm over its \
-                     curvature: between vertices the body may show through; finer garments need less",
+                    "its thickness is {:.2} mm, but faces of cloth and body as coarse as these need {needed:.2} mm \
+                     over its curvature: the body may show through between vertices; finer garments need less",
                     body.thickness * 1e3
                 ),
                 line: format!("thickness = \"{needed:.2} mm\", or leave it out"),

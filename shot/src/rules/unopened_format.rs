@@ -15,7 +15,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
         return vec![Finding { object: "output".to_owned(), message, line: "format = [\"abc\"]".to_owned() }];
     }
     let words: Vec<String> = formats.iter().map(|word| format!("\"{word}\"")).collect();
-    let message = format!("caches are written as {} alone, which no application opens", words.join(", "));
+    let message = format!("caches are written only as {}, which no application opens", words.join(", "));
     let all = [&["\"abc\"".to_owned()], words.as_slice()].concat().join(", ");
     vec![Finding { object: "output".to_owned(), message, line: format!("format = [{all}]") }]
 }

@@ -50,7 +50,7 @@ fn of_body(motion: &InputMotion, [low, high]: [Vec3; 2]) -> Option<Finding> {
         (false, false, _) => format!("{up} in [units]"),
         // Over what a file says of itself goes only what is said of that very file.
         (false, true, Some(length)) => format!("units = {{ length = \"{}\", {up} }} at this body", length.word()),
-        (false, true, None) => format!("upAxis = \"{other:?}\" in the file, which says otherwise itself"),
+        (false, true, None) => format!("upAxis = \"{other:?}\" in the file, which states otherwise"),
     };
     Some(Finding { object: motion.label.clone(), message, line })
 }
@@ -65,7 +65,7 @@ fn of_gravity(facts: &Facts<'_>) -> Option<Finding> {
     }
     let [x, y, z] = <[f64; 3]>::from(pull);
     let message = format!(
-        "acceleration [{x}, {y}, {z}] does not pull down: the numbers of a scene count with Y up, whatever `up` says of files"
+        "acceleration [{x}, {y}, {z}] does not pull down: numbers of a scene have Y up; `up` applies to files only"
     );
     let line = format!("acceleration = [0, -{}, 0]", (pull.norm() * 1e3).round() / 1e3);
     Some(Finding { object: "gravity".to_owned(), message, line })

@@ -131,7 +131,7 @@ impl Bundle {
             _ => Err(IoError::data(
                 path,
                 "bundle",
-                "it is no bundle of a run that has given up",
+                "it is not a bundle of a failed run",
                 "give the .json file from the folder `debug` of such a run",
             )),
         }

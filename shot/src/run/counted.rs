@@ -33,7 +33,7 @@ impl Counted {
         let mut counted = Self { uncounted: record.uncounted(start, last), ..Self::default() };
         if !counted.uncounted.is_empty() {
             let frames = in_words(&counted.uncounted);
-            note(format!("{frames}: what was counted in them is not known; {RECORD} does not hold all of it"));
+            note(format!("{frames}: counts are unknown, because {RECORD} is incomplete"));
         }
         for row in record.frames.iter().filter(|row| (start..=last).contains(&row.frame)) {
             counted.add(row).into_iter().for_each(&mut *note);
@@ -79,12 +79,12 @@ impl SoFar {
         let is_lost = found.account.is_none();
         if is_lost {
             let file = found.path.with_extension("json");
-            let what = "the account of times and counts is missing or damaged; those of whole frames are in the record";
+            let what = "this file of times and counts is missing or damaged; those of whole frames are in the record";
             observer.note(format!("{}: {what}", file.display()));
         }
         if sub_step > 0 && (is_lost || record.partly_counted.contains(&(frame + 1))) {
             counted.uncounted.push([frame + 1, frame + 1]);
-            observer.note(format!("frame {}: what was counted in its first part is not known", frame + 1));
+            observer.note(format!("frame {}: counts of its first part are unknown", frame + 1));
         }
         let totals = match &found.account {
             Some(account) => Totals::from_json(&account.totals, frame + 1, sub_step),

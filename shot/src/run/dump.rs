@@ -88,7 +88,7 @@ impl Dump {
         let points: Vec<String> = self.tracepoints.iter().map(Tracepoint::to_string).collect();
         let (files, points, folder) = (self.written().files, points.join(", "), self.folder.display());
         match files {
-            0 => format!("--dump {points}: no step came there; nothing is in {folder}"),
+            0 => format!("--dump {points}: reached by no step; nothing was written into {folder}"),
             1 => format!("--dump {points}: 1 file in {folder}"),
             _ => format!("--dump {points}: {files} files in {folder}"),
         }
@@ -128,9 +128,9 @@ pub(super) fn nothing_left(tracepoints: &[Tracepoint], last: i64) -> Option<Stri
 
 fn not_made_again(points: &str, done: i64) -> String {
     format!(
-        "--dump {points}: nothing is written, for the frames to {done} are done and no step to them is made again\n  \
-         help: resume from a checkpoint before it with --resume FRAME, simulate into another folder with --out, or all anew with \
-         --overwrite"
+        "--dump {points}: nothing is written, because frames up to {done} are done and are not simulated again\n  \
+         help: resume from an earlier checkpoint with --resume FRAME, simulate into another folder with --out, or \
+         start over with --overwrite"
     )
 }
 

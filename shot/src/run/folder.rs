@@ -49,7 +49,7 @@ impl Earlier {
             text => text?,
         };
         let damaged = |place: String, what: String| {
-            let advice = "it is damaged, and the run cannot be continued without it: restore it, or start anew with \
+            let advice = "it is damaged, and the run cannot be continued without it: restore it, or start over with \
                           --overwrite";
             IoError::data(&path, place, what, advice)
         };
@@ -138,10 +138,10 @@ impl Held {
         observer.logs(attempt.open()?);
         notes.into_iter().for_each(|note| observer.accepted(note));
         if let Some(former) = lock.former() {
-            observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
+            observer.note(format!("the folder was locked by {former}, which has ended without releasing it"));
         }
         for name in options.requests.watch_folder(out)? {
-            observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
+            observer.note(format!("control/{name} is left over from an earlier attempt and is removed"));
         }
         let store = Store::open(out, options.keep, &options.pinned)?;
         if options.overwrite {

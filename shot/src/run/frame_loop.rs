@@ -195,7 +195,7 @@ impl<'a> Run<'a> {
         {
             let (set_aside, removed) = (stale::attempt(out, attempt.number), stale::prune(out, &fingerprint)?);
             observer.note(format!(
-                "what is simulated again was set aside in {}{}",
+                "frames that are simulated again were moved to {}{}",
                 set_aside.display(),
                 stale::removed_in_words(&removed)
             ));
@@ -419,11 +419,11 @@ impl<'a> Run<'a> {
         let bundle = bundle::write(&self.shot, &self.options.out, &head, error).map_err(|e| e.to_string());
         observer.note(match written.and(bundle) {
             Ok(path) => format!(
-                "the last good state and what went wrong are in {}; see it again with: drapery run --replay {}",
+                "the last good state and the failure are in {}; replay the failure with: drapery run --replay {}",
                 path.display(),
                 quoted(path.as_os_str())
             ),
-            Err(error) => format!("what went wrong could not be written down: {error}"),
+            Err(error) => format!("the failure could not be saved: {error}"),
         });
     }
 

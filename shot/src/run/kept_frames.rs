@@ -34,9 +34,7 @@ pub(super) fn earliest_fault(
     }
     if !unrecorded.is_empty() {
         let frames = in_words(&unrecorded);
-        note(format!(
-            "{frames}: that the caches still hold what was written cannot be checked; {RECORD} has no digests"
-        ));
+        note(format!("{frames}: the caches cannot be verified, because {RECORD} has no digests"));
     }
     earliest
 }

@@ -76,7 +76,7 @@ impl RunOptions {
     pub(super) fn refuse_pins_outside(&self, [first, last]: [i64; 2]) -> Result<(), ShotError> {
         self.pinned.iter().find(|frame| !(first..=last).contains(*frame)).map_or(Ok(()), |frame| {
             Err(ShotError::Frames(format!(
-                "--pin-checkpoint {frame}: the shot does not come to this frame\n  help: its frames are {first}-{last}"
+                "--pin-checkpoint {frame}: the shot has no such frame\n  help: its frames are {first}-{last}"
             )))
         })
     }

@@ -32,9 +32,7 @@ pub(super) fn changes(
         if !earlier.has_begun(folder) {
             return Vec::new();
         }
-        return vec![
-            "what the earlier run depended on is not known: fingerprint.json is missing or damaged".to_owned(),
-        ];
+        return vec!["the inputs of the earlier run are unknown: fingerprint.json is missing or damaged".to_owned()];
     };
     let found = digest::compare(before, now);
     for change in found.allowed {
@@ -111,12 +109,12 @@ pub(super) fn decide(
             if let Resume::Frame(frame) = options.resume {
                 return Err(ShotError::FrameChanged { fault, asked: frame });
             }
-            note(format!("{fault}; the run goes back to the last checkpoint before this frame and simulates it again"));
+            note(format!("{fault}; the run resumes from the last checkpoint before this frame and simulates it again"));
             search = store.newest_valid(Some(fault.frame - 1))?;
         }
     }
     for refused in &search.refused {
-        note(format!("a checkpoint cannot be used, the one before is tried: {refused}"));
+        note(format!("a checkpoint is skipped, the one before is tried: {refused}"));
     }
     match (search.found, &options.resume) {
         (Some(found), Resume::Frame(frame)) if found.checkpoint.head.frame != *frame => {
@@ -146,8 +144,8 @@ fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
     let there =
         if frames.is_empty() { "there are none".to_owned() } else { format!("there are {}", frames.join(", ")) };
     ShotError::Resume(format!(
-        "there is no good checkpoint of frame {frame} to resume from: {there}\n  \
-         help: give one of these frames, or keep the checkpoints that you will need with --pin-checkpoint"
+        "there is no valid checkpoint of frame {frame} to resume from: {there}\n  \
+         help: give one of these frames, or keep checkpoints with --pin-checkpoint"
     ))
 }
 

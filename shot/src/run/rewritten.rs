@@ -61,7 +61,7 @@ impl NewForm<'_> {
         (writer, take): (&mut dyn CacheWriter, &mut dyn FnMut(i64, GarmentDigests)),
     ) -> Result<(), IoError> {
         let lacks = |what: String| {
-            let advice = "leave [output] as it was, or start anew with --overwrite";
+            let advice = "restore [output], or start over with --overwrite";
             IoError::data(source, "the frames so far", what, advice)
         };
         let frames = CacheFrames::open(source)?;
@@ -105,8 +105,7 @@ impl NewForm<'_> {
         };
         let behind = self.plan.sub_frames[number];
         if holds_whole_frames(&frames.path) {
-            let what = "it holds whole frames, and no other cache of this garment is there to take over the samples between them \
-                        from";
+            let what = "it holds whole frames, and no other cache of this garment has the samples between them";
             return Err(format!("{what}: the first is at frame {}", frame as f64 + behind));
         }
         let is_it = |at: &Between| at.frame == frame && (at.behind - behind).abs() < ALIKE;

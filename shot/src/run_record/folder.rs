@@ -35,7 +35,7 @@ impl RunFolder {
             error => error,
         })?;
         let damaged = |place: String, what: String| {
-            let advice = "it is replaced as a whole with every frame; restore it, or run the shot again";
+            let advice = "it is replaced after every frame; restore it, or run the shot again";
             IoError::data(&manifest, place, what, advice)
         };
         let read: Manifest =

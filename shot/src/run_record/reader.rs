@@ -351,15 +351,16 @@ pub(crate) fn recovery_line(row: &FrameRow) -> Option<String> {
     let counted = RETRIES.iter().fold(0_u64, |sum, (name, _)| sum.saturating_add(row.amount(name)));
     let more = match counted.max(row.recoveries.len() as u64) - 1 {
         0 => String::new(),
-        also => format!(", and {also} more such in this frame"),
+        1 => "; 1 more retry in this frame".to_owned(),
+        also => format!("; {also} more retries in this frame"),
     };
     let level = word("rung");
     let done = RETRIES.iter().find(|(name, _)| *name == level).map_or(level, |(_, words)| *words);
     let is_marked = RETRIES.iter().any(|(name, _)| is_limit(name) && row.amount(name) > 0);
-    let end = if is_marked { "" } else { "; in the end every step succeeded" };
+    let end = if is_marked { "" } else { "; every step succeeded in the end" };
     let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
     let trouble = word("trouble");
-    Some(format!("frame {frame}, time {time:.6} s{place}: a step went wrong ({trouble}) and was {done}{more}{end}"))
+    Some(format!("frame {frame}, time {time:.6} s{place}: a step was {done} ({trouble}){more}{end}"))
 }
 
 /// A count of every frame in a record; frames that a resumed run came to again count the last time.

@@ -71,7 +71,7 @@ impl Session {
             let (path, changes) = (path.display(), changes.join("\n  "));
             let advice = "open the scene that it was saved of, with the same inputs";
             return Err(ShotError::Resume(format!(
-                "{path}: this is a state of another shot\n  {changes}\n  help: {advice}"
+                "{path}: this state belongs to a different shot\n  {changes}\n  help: {advice}"
             )));
         }
         let points = self.body_points()?;

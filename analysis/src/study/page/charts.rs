@@ -22,7 +22,7 @@ const BELOW_LINE: f64 = 0.85;
 const ROUNDING: f64 = 1e-12;
 
 /// Meaning of the letters of stages.
-const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Stages are numbered as in the paper (Selle \
+const STAGE_NOTE: &str = "Seconds per frame of the first run of each setting. Stages are numbered as in the paper (Selle \
                           et al. 2009): the neighbour search (A), the velocity solves (B.1, B.5), self-repulsion (B.2, \
                           B.8), collision and friction with bodies (B.4, B.7), self-collision (C).";
 
@@ -58,7 +58,7 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     }
     let budget = study.budget;
     let seconds = rows.iter().map(|(_, row, _)| row.seconds).chain(budget);
-    let x = Side::new(Axis::logarithmic(seconds, 10), "seconds a frame (median)", &text::seconds);
+    let x = Side::new(Axis::logarithmic(seconds, 10), "seconds per frame (median)", &text::seconds);
     let floor = analysis.floor.get(..analysis.window).map(|floor| floor.iter().copied().fold(0.0, f64::max));
     let errors = rows.iter().map(|(_, _, error)| *error);
     let lines = analysis.own.into_iter().filter(|own| *own > 0.0);
@@ -69,7 +69,7 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     );
     let mut plot = Plot::new(WIDE, x, y);
     if let Some(own) = analysis.own.filter(|own| *own > 0.0) {
-        plot.at_y("dash", own, "own error of the reference");
+        plot.at_y("dash", own, "self-error of the reference");
     }
     if let Some(budget) = budget {
         plot.at_x("limit", budget, &format!("budget {}", text::seconds(budget)));
@@ -80,7 +80,7 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     plot.staircase("stair", &front);
     for (number, row, error) in &rows {
         let tip = format!(
-            "{}\n{} a frame ({} x), error {}",
+            "{}\n{} per frame ({} x), error {}",
             row.sample.setting.label,
             text::seconds(row.seconds),
             times_words(row.times_base),
@@ -89,17 +89,15 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
         plot.mark(class(row), (row.seconds, *error), &(number + 1).to_string(), &tip);
     }
     let noise = floor.map_or(String::new(), |floor| format!(" Noise floor inside the window: {}.", millimetres(floor)));
-    let note = format!(
-        "Numbers are those of the table. The staircase (Pareto front) is the least error for each amount of \
-         time.{noise}"
-    );
+    let note =
+        format!("Numbers refer to the table. The staircase (Pareto front) is the smallest error for each time.{noise}");
     let legend = [
         ("f1", "no other setting is both faster and more accurate"),
-        ("f0", "not on the front, or closer than the reference resolves"),
+        ("f0", "not on the front, or below what the reference resolves"),
         ("f3", "another mesh"),
         ("f2", "intersections or unconverged solves"),
     ];
-    section("Error over seconds", &card("", &note, &legend, &plot.finish("error over seconds a frame")))
+    section("Error over seconds", &card("", &note, &legend, &plot.finish("error over seconds per frame")))
 }
 
 fn section(title: &str, body: &str) -> String {
@@ -150,8 +148,8 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
         plot.slope((dt, error * BELOW_LINE), span, ladder.fit.order);
     }
     let legend: Vec<(&str, &str)> = legend.iter().map(|(class, name)| (class.as_str(), name.as_str())).collect();
-    let note = "Settings that differ in their steps alone, where the reference tells their error. The paper's method is of \
-                second order on smooth motion; contact and friction bring it towards the first.";
+    let note = "Settings that differ only in their steps and have an error that the reference resolves. The paper's method is \
+                of second order on smooth motion; contact and friction reduce the order towards one.";
     section("Error over time step", &card("", note, &legend, &plot.finish("error over time step")))
 }
 
@@ -166,18 +164,18 @@ pub(super) fn stages(study: &Study, analysis: &Analysis<'_>) -> String {
         let of = |name: &str| sample.stages.iter().filter(|s| s.stage == name).map(|s| s.seconds).sum::<f64>() / frames;
         let mut parts: Vec<(String, f64, String)> = Vec::new();
         for (index, name) in named.iter().enumerate() {
-            parts.push((format!("f{}", index + 1), of(name), format!("{name}: {} a frame", text::seconds(of(name)))));
+            parts.push((format!("f{}", index + 1), of(name), format!("{name}: {} per frame", text::seconds(of(name)))));
         }
         let known: f64 = parts.iter().map(|(_, seconds, _)| seconds).sum();
         let rest = (sample.seconds_a_frame() - known).max(0.0);
-        parts.push(("f0".to_owned(), rest, format!("everything else: {} a frame", text::seconds(rest))));
+        parts.push(("f0".to_owned(), rest, format!("other: {} per frame", text::seconds(rest))));
         Bar { name: sample.setting.label.clone(), parts, end: text::seconds(sample.seconds_a_frame()) }
     };
     let rows: Vec<Bar> = analysis.rows.iter().filter(|row| !is_reference(row)).map(bar).collect();
     let classes: Vec<String> = (1..=named.len()).map(|index| format!("f{index}")).collect();
     let mut legend: Vec<(&str, &str)> = classes.iter().map(String::as_str).zip(named.iter().copied()).collect();
-    legend.push(("f0", "everything else"));
-    let drawing = bars(WIDE.0, "seconds a frame by stage", &rows);
+    legend.push(("f0", "other"));
+    let drawing = bars(WIDE.0, "seconds per frame by stage", &rows);
     section("Where the time goes", &card("", STAGE_NOTE, &legend, &drawing))
 }
 
@@ -196,7 +194,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
         ));
     }
     if !analysis.own_error.is_empty() {
-        lines.push(("l3", "own error of the reference".to_owned(), series(&analysis.own_error)));
+        lines.push(("l3", "self-error of the reference".to_owned(), series(&analysis.own_error)));
     }
     let mut errors = |row: Option<&Row<'_>>, class: &'static str, word: &str| {
         if let Some(row) = row.filter(|row| !row.sample.from_reference.is_empty()) {
@@ -211,7 +209,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
         let error = |row: &Row<'_>| row.error.map_or(f64::INFINITY, |error| error.rms);
         error(a).total_cmp(&error(b))
     });
-    errors(finest, "l4", "smallest error that can be resolved");
+    errors(finest, "l4", "smallest error that the reference resolves");
     let values = lines.iter().flat_map(|(_, _, points)| points.iter().map(|point| point.1));
     let all: Vec<f64> = values.chain([study.scene.thickness]).filter(|value| *value > 0.0).collect();
     if lines.is_empty() {
@@ -243,8 +241,8 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let classes: Vec<String> = lines.iter().map(|(class, ..)| class.replace('l', "f")).collect();
     let names = lines.iter().map(|(_, name, _)| name.as_str());
     let legend: Vec<(&str, &str)> = classes.iter().map(String::as_str).zip(names).collect();
-    let note = "Copies start with every vertex shifted by 1e-10 of the size of the cloth. Where they drift apart farther than \
-                a tenth of the smallest error or a quarter of the thickness, the motion is no longer predictable: \
-                errors beyond are grey and in no table.";
+    let note = "Copies start with every vertex shifted by 1e-10 of the size of the cloth. Once they drift apart by more than a \
+                tenth of the smallest error and more than a quarter of the thickness, the motion is no longer predictable: \
+                later errors are grey and in no table.";
     section("Predictability horizon", &card("", note, &legend, &plot.finish("distances over time")))
 }

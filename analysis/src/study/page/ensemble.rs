@@ -89,11 +89,11 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
     let beyond = if analysis.has_horizon { "beyond the horizon" } else { "the second half: there is no horizon" };
     let same = match alike.is_empty() {
         true => String::new(),
-        false => format!(" Like the scene as it is in all of these: {}.", escape(&alike.join("; "))),
+        false => format!(" Settings without a difference in any column: {}.", escape(&alike.join("; "))),
     };
     let note = format!(
-        "<p>Means over {over} ({beyond}). = is within a thousandth or two standard deviations of the shifted copies, which \
-         cannot be told from them; elsewhere the difference from their mean is given.{same}</p>"
+        "<p>Means over {over} ({beyond}). The sign = marks values within a thousandth or two standard deviations of the \
+         shifted copies, so indistinguishable from theirs; others have their difference from the mean of the copies.{same}</p>"
     );
     table::section("Statistics of the cloth, independent of single folds", &note, &heads, &lines)
 }

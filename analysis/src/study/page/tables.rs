@@ -42,22 +42,22 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
     let heads = [
         words(""),
         words("setting"),
-        number("time a frame"),
+        number("time per frame"),
         number("×"),
         number("processor time"),
-        number("error RMS"),
-        number("at most"),
+        number("error, RMS"),
+        number("upper bound"),
         number("99th percentile"),
         number("order"),
         number("max strain"),
         number("intersections"),
         words("front"),
     ];
-    let note = "<p>Error: distance from the reference, root mean square over the cloth and the frames. Processor time: of \
-         all threads, a frame; it hardly depends on what else the machine does. Order: how fast the error falls with the \
-         time step. Intersections: edges that pass through triangles at the end of a frame. ● no other setting is both \
-         faster and more accurate. <i>ref. not conv.</i>: so near to the reference that the reference's own error hides \
-         it; the figure beside is an upper bound. <i>&lt;= floor</i>: no larger than the growth of rounding errors.</p>";
+    let note = "<p>Error: distance from the reference, root mean square over the cloth and the frames. Processor time: per \
+         frame, summed over threads; nearly independent of other load on the machine. Order: rate at which the error falls \
+         with the time step. Intersections: edges that pass through triangles at the end of a frame. ● no other setting is \
+         both faster and more accurate. <i>ref. not conv.</i>: below what the reference resolves; the next column is an \
+         upper bound. <i>&lt;= floor</i>: no larger than the growth of rounding errors.</p>";
     section("Settings", note, &heads, &lines) + &more(study, analysis)
 }
 
@@ -114,20 +114,20 @@ fn more(study: &Study, analysis: &Analysis<'_>) -> String {
     let lines: Vec<Vec<Cell>> = analysis.rows.iter().map(line).collect();
     let heads = [
         words("setting"),
-        number("time a frame"),
-        number("error by size of the cloth"),
+        number("time per frame"),
+        number("error / size of the cloth"),
         number("largest error"),
-        number("surfaces apart"),
-        number("velocity RMS"),
-        number("angle of normals RMS"),
-        number("steps a frame"),
+        number("distance of surfaces"),
+        number("velocity, RMS"),
+        number("angle of normals, RMS"),
+        number("steps per frame"),
         number("shortest step"),
-        number("iterations a frame"),
+        number("iterations per frame"),
         number("peak memory"),
     ];
     let table = table(&heads, &lines);
     format!(
-        "<div class=\"card\"><details><summary>More of every setting, and the reference</summary>{table}</details></div>\n"
+        "<div class=\"card\"><details><summary>All figures of every setting and of the reference</summary>{table}</details></div>\n"
     )
 }
 
@@ -143,7 +143,7 @@ pub(super) fn checked(study: &Study, analysis: &Analysis<'_>) -> String {
         vec![words(check.name), (answer.to_owned(), false), words(&check.why)]
     };
     let lines: Vec<Vec<Cell>> = checks(study, analysis).iter().map(line).collect();
-    section("Validity checks", "", &[words("what should hold"), words("does it"), words("")], &lines)
+    section("Validity checks", "", &[words("check"), words("passed"), words("")], &lines)
 }
 
 /// Returns a table of the cost of other models and left-out effects, and of the changes that they make.
@@ -177,22 +177,22 @@ pub(super) fn changes(study: &Study) -> String {
         .collect();
     let heads = [
         words("change"),
-        number("time a frame"),
+        number("time per frame"),
         number("share of processor time"),
-        number("cloth moves by, RMS"),
+        number("displacement of the cloth, RMS"),
         number("99th percentile"),
         number("drape area at the end"),
         number("folds over 60° at the end"),
         words("intersections"),
     ];
-    let note = "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of the processor \
-         time of a frame.</p>";
-    section("What each effect and choice takes, and what it changes", note, &heads, &lines)
+    let note = "<p>Compared with the scene as it is, over all compared frames. Share: the part of the processor time per frame \
+         that the change saves.</p>";
+    section("Cost and impact of each effect and choice", note, &heads, &lines)
 }
 
 fn crossings_of(sample: &Sample) -> String {
     match sample.counts.get("crossings") {
-        None => "not looked for".to_owned(),
+        None => "not checked".to_owned(),
         Some(count) => text::count(*count),
     }
 }
@@ -212,8 +212,8 @@ pub(super) fn closed_forms(study: &Study, analysis: &Analysis<'_>) -> String {
             ]);
         }
     }
-    let heads = [words("quantity"), words("setting"), number("closed form"), number("found"), number("off by")];
-    section("Against closed forms", "", &heads, &lines)
+    let heads = [words("quantity"), words("setting"), number("closed form"), number("found"), number("deviation")];
+    section("Comparison with closed-form solutions", "", &heads, &lines)
 }
 
 /// Counts that should stay zero and did not, with what they mean and where they occurred; and all counts.
@@ -245,13 +245,13 @@ pub(super) fn counters(analysis: &Analysis<'_>) -> String {
     }
     let lost = match lines.is_empty() {
         true => "<p class=\"none\">None in any setting: every count that should stay zero is zero.</p>".to_owned(),
-        false => table(&[words("count"), words("what it means"), words("where, over all frames")], &lines),
+        false => table(&[words("count"), words("meaning"), words("total by setting")], &lines),
     };
     let all = match all.is_empty() {
         true => String::new(),
         false => format!("<details><summary>All counts, over all frames</summary>{}</details>", table(&heads, &all)),
     };
-    format!("<section><h2>Losses of quality</h2><div class=\"card\">{lost}{all}</div></section>\n")
+    format!("<section><h2>Degradations</h2><div class=\"card\">{lost}{all}</div></section>\n")
 }
 
 fn count_of(sample: &Sample, name: &str) -> Cell {
@@ -276,10 +276,10 @@ pub(super) fn left_out(study: &Study) -> String {
     if !late.is_empty() {
         let seconds: f64 = late.iter().map(|omission| omission.seconds).sum();
         let labels: Vec<&str> = late.iter().map(|omission| omission.label.as_str()).collect();
-        let why = format!("no time: about {} more for all of them", text::seconds(seconds));
+        let why = format!("time limit: about {} more needed for all of them", text::seconds(seconds));
         lines.push(vec![words(labels.join("; ")), words(why)]);
     }
-    section("Runs that failed or are missing", "", &[words("run"), words("why")], &lines)
+    section("Runs that failed or are missing", "", &[words("run"), words("reason")], &lines)
 }
 
 /// Returns a table of the provenance of the study.
@@ -297,7 +297,7 @@ pub(super) fn provenance(study: &Study, analysis: &Analysis<'_>) -> String {
         ("effects", scene.effects.join(", ")),
         ("machine", format!("{}: {}", machine.host, machine.processor)),
         ("processors", format!("{} ({} threads used)", machine.processors, machine.threads)),
-        ("governor of the clock", machine.governor.clone()),
+        ("CPU frequency governor", machine.governor.clone()),
         ("load before the study", text::digits(machine.load)),
         ("spread of repeated times", noise),
         ("runs", format!("{runs} in {}", text::seconds(study.seconds))),

@@ -47,7 +47,7 @@ pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     for name in &simulation.scene().description().left_out {
         text += &format!("  without {name}: left out of this run, although the scene asks for it\n");
     }
-    text += "  an effect that is not here allocates nothing and runs nothing\n";
+    text += "  effects that are not listed use no memory and no time\n";
     text += &frame_text(simulation, costs);
     text += "\nshared structures\n";
     for (need, users) in structures(simulation) {
@@ -61,13 +61,14 @@ fn frame_text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     let Some(costs) = costs else {
         let PlannedSteps { steps, because, .. } = simulation.planned_steps();
         return format!(
-            "a frame: {steps:.0} time steps or more, because of {because}; --measure simulates frames to see what takes how long\n{}",
+            "per frame: at least {steps:.0} time steps, required by {because}; --measure simulates frames and times each \
+             effect\n{}",
             estimate_text(&simulation.estimate())
         );
     };
     let FrameCost { steps, iterations, .. } = costs.frame;
     let (seconds, how) = (costs.frame.total(), costs.how());
-    format!("a frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n")
+    format!("per frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n")
 }
 
 /// Returns the estimated time of a frame as text, the longest part first.
@@ -76,11 +77,11 @@ fn estimate_text(estimate: &FrameEstimate) -> String {
     let (total, iterations, parts) = (about(estimate.total()), estimate.iterations, parts.join(", "));
     if estimate.is_least {
         return format!(
-            "  expected in contact, on one core: at least {total} CPU seconds ({parts}), {iterations:.0} iterations; how many steps \
-             are made again where cloth is struck or pressed is known only to --measure\n"
+            "  expected in contact, on one core: at least {total} CPU seconds ({parts}), {iterations:.0} iterations; retries of \
+             steps in hard contact come on top (--measure shows them)\n"
         );
     }
-    let touching = if estimate.in_contact { "in contact" } else { "while it touches nothing" };
+    let touching = if estimate.in_contact { "in contact" } else { "without contact" };
     format!(
         "  expected {touching}, within a factor of two on one core: {total} CPU seconds ({parts}), {iterations:.0} iterations\n"
     )
@@ -119,7 +120,7 @@ fn friction(effect: &PlannedEffect, scene: &SceneDescription) -> String {
     let Some(friction) = find(effect.name).and_then(|spec| spec.friction) else { return String::new() };
     let reasons = friction(&effect.settings, scene);
     match reasons.is_empty() {
-        true => "    friction: off, because nothing here has any\n".to_owned(),
+        true => "    friction: off, no coefficient of friction is set\n".to_owned(),
         false => format!("    friction: on, because {}\n", reasons.join(", ")),
     }
 }
@@ -202,7 +203,7 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
             "iterations": costs.map(|costs| costs.frame.iterations),
             "method_share": share(|frame, _| frame.method, 0),
             "estimate": estimate_json(&simulation.estimate()),
-            "from": costs.map_or_else(|| format!("at least, because of {}", planned.because), Costs::how),
+            "from": costs.map_or_else(|| format!("at least, required by {}", planned.because), Costs::how),
         },
     })
 }

@@ -16,7 +16,7 @@ pub(crate) fn run(names: &[String], json: bool) -> Result<ExitCode, Failure> {
     }
     for name in if names.is_empty() { &all } else { names } {
         let unknown = || {
-            let text = format!("there is no preset {name}\n  help: choose among {}", all.join(", "));
+            let text = format!("there is no preset {name}\n  help: use one of {}", all.join(", "));
             Failure::new(ExitCode::Usage, text)
         };
         let verdict = judge(name).ok_or_else(unknown)?.map_err(|text| Failure::new(ExitCode::SolverGaveUp, text))?;

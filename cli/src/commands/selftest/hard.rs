@@ -28,8 +28,8 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
     };
     // Cases of the command start it again.
     let drapery = args.program.as_deref().ok_or_else(|| {
-        let what = "no file is found that starts this command again, as cases of the command do";
-        Failure::new(ExitCode::Io, format!("{what}\n  help: install the program anew"))
+        let what = "the executable of this command, which some cases start, is not found";
+        Failure::new(ExitCode::Io, format!("{what}\n  help: reinstall the program"))
     })?;
     let conditions = Conditions { tier, integrator: args.integrator, drapery };
     if !args.json {
@@ -70,7 +70,7 @@ fn chosen(ids: &[String]) -> Result<Vec<&'static Case>, Failure> {
         let known = CATALOGUE.iter().find(|case| case.id.eq_ignore_ascii_case(id));
         known.ok_or_else(|| {
             let all: Vec<_> = CATALOGUE.iter().map(|case| case.id).collect();
-            Failure::new(ExitCode::Usage, format!("there is no case {id}\n  help: choose among {}", all.join(", ")))
+            Failure::new(ExitCode::Usage, format!("there is no case {id}\n  help: use one of {}", all.join(", ")))
         })
     };
     ids.iter().map(find).collect()

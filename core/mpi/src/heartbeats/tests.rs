@@ -54,7 +54,7 @@ fn a_rank_that_ends_without_a_word_is_lost_to_all_others_and_one_that_says_so_is
         }
     });
     let lost = Lost { rank: 2, ranks: 4, name: "host:2".to_owned(), how: How::Ended, timeout: TIMEOUT };
-    assert_eq!(lost.to_string(), "rank 2 of 4 (host:2) has ended without the others");
+    assert_eq!(lost.to_string(), "rank 2 of 4 (host:2) ended before the others");
     for heard in heard.unwrap().into_iter().flatten() {
         assert_eq!(heard, Ok(News::Lost(vec![lost.clone()])));
     }
@@ -88,7 +88,7 @@ fn silence_is_a_loss_when_it_has_lasted_and_names_all_that_are_as_silent() {
     watch.peers[2].silence = TIMEOUT;
     let lost = watch.listen(Duration::ZERO);
     assert_eq!(lost.iter().map(|lost| (lost.rank, lost.how)).collect::<Vec<_>>(), [(2, How::Silent), (3, How::Silent)]);
-    assert_eq!(lost[0].to_string(), "rank 2 of 4 (host:2) was not heard of for 1.5 s");
+    assert_eq!(lost[0].to_string(), "rank 2 of 4 (host:2) sent no heartbeat for 1.5 s");
     // The others learn it.
     let mut words = Vec::new();
     while words.len() < 3 {

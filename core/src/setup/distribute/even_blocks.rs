@@ -73,10 +73,17 @@ impl<'a> BlockOfMesh<'a> {
         });
         if mesh.is_some() && read.is_ok() && given != [points, faces] {
             let [now_points, now_faces] = given;
-            read = Err(format!("it had {points} points and {faces} faces, and has {now_points} and {now_faces} now"));
+            read = Err(format!(
+                "it has changed while it was read: from {points} points and {faces} faces to {now_points} and \
+                 {now_faces}"
+            ));
         }
         if let Err(what) = read {
-            problems.push(Problem::data(place, what, "export the mesh again, and leave it alone while it is read"));
+            problems.push(Problem::data(
+                place,
+                what,
+                "export the mesh again, and do not change the file while it is read",
+            ));
         }
         if face_counts.iter().map(|count| *count as usize).sum::<usize>() != corners.len() {
             is_broken(ranks.rank(), "rows that rank 0 reads", "corners do not fit the faces");
@@ -110,7 +117,7 @@ impl<'a> BlockOfMesh<'a> {
         });
         let faces = listed(ranks, impossible.map(|(f, _)| [f; 2]).collect()).map(|list| {
             let what = format!(
-                "faces {list} have fewer than three corners or name a point that does not exist ({points} points)"
+                "faces {list} have fewer than three corners or refer to a point that does not exist ({points} points)"
             );
             Problem::data(place, what, "export the mesh again")
         });

@@ -94,8 +94,8 @@ pub(crate) fn warning(ranks: &Ranks, name: &str, blocks: &BlockDistribution, pai
     let share = 1.0 / SET_APART;
     ranks.is_first().then(|| {
         format!(
-            "garment \"{name}\": vertices {list} lie in one place without being joined: they are set apart by about \
-             1/{share:.0} of their edges, so that they can touch; merge by distance what belongs together"
+            "garment \"{name}\": vertices {list} coincide but are not joined: they are moved apart by about \
+             1/{share:.0} of their edges so that they can collide; merge by distance what belongs together"
         )
     })
 }
@@ -208,7 +208,7 @@ mod tests {
         let garment = panels();
         let before = &garment.mesh.points;
         let ([after, _], said) = handed_out(&garment);
-        assert!(said.concat().contains("vertices 1-4, 2-7 lie in one place"), "{said:?}");
+        assert!(said.concat().contains("vertices 1-4, 2-7 coincide"), "{said:?}");
         for (left, right) in [(1, 4), (2, 7)] {
             assert!(after[left].x < 0.0 && after[right].x > 0.0, "{after:?}");
             assert!((after[left] - after[right]).norm() < 2.0 * SET_APART);
@@ -286,6 +286,6 @@ mod tests {
         let garment = GarmentDescription::new("skirt", mesh, 0.2);
         let ([after, _], said) = handed_out(&garment);
         assert_eq!(after, expected);
-        assert!(said.concat().contains(&format!("and {} more lie in one place", SIDE - 5)), "{said:?}");
+        assert!(said.concat().contains(&format!("and {} more coincide", SIDE - 5)), "{said:?}");
     }
 }

@@ -85,15 +85,19 @@ impl CleanMesh {
         let (follow, stay): (Vec<u32>, Vec<u32>) = isolated.partition(goes);
         let LeftOut { repeated, flat } = left_out;
         let says = [
-            ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
-            ("faces", flat, "have no area, or a part of them has none: it takes no part; merge points by distance"),
-            ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
-            ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
+            ("faces", repeated, "duplicate other faces and are not simulated: delete them"),
+            ("faces", flat, "have no area, at least in part; that part is not simulated: merge points by distance"),
+            (
+                "vertices",
+                follow,
+                "belong only to faces without area and follow the nearest corner of these: delete such faces",
+            ),
+            ("vertices", stay, "belong to no face with an area and stay where they start: delete loose vertices"),
         ];
         let place = format!("garment \"{name}\"");
         let mut warnings = Vec::new();
         if block.faces_of.count() == 0 {
-            warnings.push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
+            warnings.push(format!("{place}: it has no faces, so it does not move: export a mesh with polygons"));
         }
         for (what, list, is) in says {
             let list = listed(ranks, list.into_iter().map(|number| [number; 2]).collect());
@@ -160,9 +164,9 @@ fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> 
     let [far, apart] = ranks.max_of(farthest);
     (far > 0.0 && ranks.is_first()).then(|| {
         format!(
-            "garment \"{name}\": its faces without area are {far:.0} m from the origin, where numbers of single precision are \
-             {apart:.1e} m apart and points of a file fall together: bake the garment near the origin, and put the distance into \
-             a transform above the mesh, which is of double precision"
+            "garment \"{name}\": its faces without area are {far:.0} m from the origin, where single precision \
+             resolves only {apart:.1e} m and points of a file coincide: bake the garment near the origin, and put the \
+             distance into a transform above the mesh, which has double precision"
         )
     })
 }
@@ -347,8 +351,12 @@ mod tests {
         assert_eq!(&odd.0, triangles);
         assert_eq!(odd.1, [[4, 1], [5, 2]].map(|[vertex, leader]| MergedInto { vertex, leader }));
         let said = odd.2.join("\n");
-        for part in ["faces 1, 2, 3 lie on", "faces 4, 5, 6 have no area", "vertices 4, 5 are in", "vertices 6 belong"]
-        {
+        for part in [
+            "faces 1, 2, 3 duplicate",
+            "faces 4, 5, 6 have no area",
+            "vertices 4, 5 belong only",
+            "vertices 6 belong to no",
+        ] {
             assert!(said.contains(part), "{part}\n{said}");
         }
     }

@@ -37,8 +37,8 @@ pub(crate) fn warning(
     let name = &description.garments[garment].name;
     ranks.is_first().then(|| {
         format!(
-            "garment \"{name}\": the faces at edges {list} are wound against each other, and {looking} takes what they show \
-             for opposite sides of the cloth: make the normals consistent"
+            "garment \"{name}\": the faces at edges {list} have opposite winding, so they show opposite sides of the \
+             cloth to {looking}: make the normals consistent"
         )
     })
 }
@@ -82,10 +82,13 @@ mod tests {
         let looking = EffectRequest::of_scene("wind").with("normal", 2.0);
         let said = warnings(1, &looking);
         assert_eq!(said.len(), 1);
-        assert!(said[0].contains("edges 6-7, 8-9, 22-23 are wound") && said[0].contains("`normal`"), "{said:?}");
+        assert!(
+            said[0].contains("edges 6-7, 8-9, 22-23 have opposite winding") && said[0].contains("`normal`"),
+            "{said:?}"
+        );
         (2..6).for_each(|ranks| assert_eq!(warnings(ranks, &looking), said, "{ranks} ranks"));
         let inflated = EffectRequest::of_garment("pressure", 0).with_flag("open", true);
-        assert!(warnings(1, &inflated).concat().contains("`pressure` takes"));
+        assert!(warnings(1, &inflated).concat().contains("to `pressure`:"));
         // Friction of the air and its pressure do not depend on which side is which.
         assert!(warnings(1, &EffectRequest::of_scene("wind").with("density", 1.0)).is_empty());
         assert!(warnings(1, &EffectRequest::of_scene("gravity")).is_empty());

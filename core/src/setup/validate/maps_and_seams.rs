@@ -32,15 +32,15 @@ pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
         let broken = (0..values).filter(|v| !possible(map.values[*v]));
         report(broken, problems, |list| {
             let least = if least_is_possible { "zero or more" } else { "above zero" };
-            let what = format!("the values of vertices {list} are not numbers {least}");
-            Problem::data(&place, what, "paint these vertices anew")
+            let what = format!("the values of vertices {list} have to be {least}");
+            Problem::data(&place, what, "repaint these vertices")
         });
         if known.is_some_and(|(known, _)| known.is_share) && map.absolute {
-            let what = format!("a map of {name} is a share of what the {name} does");
+            let what = format!("a map of {name} is a factor without a unit");
             problems.push(Problem::scene(&place, what, "leave it out of `absolute_maps`"));
         }
         if name == "density" && matches!(garment.mass, Mass::UniformTotal(_)) {
-            let what = "it contradicts a total mass, which is the same for every vertex";
+            let what = "a map of density cannot be combined with `total_mass`, which is the same for every vertex";
             problems.push(Problem::scene(&place, what, "give the garment a `density`"));
         }
     }
@@ -59,10 +59,10 @@ pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut
             let mut requests = description.effects.iter().filter(|e| e.effect == looker);
             if !requests.any(|e| e.garment.is_none_or(|garment| garment == g)) {
                 let advice = format!("leave it out, or ask for {looker}");
-                problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
+                problems.push(Problem::scene(place, "nothing in this scene uses it", advice));
             } else if map.varies.is_some_and(|varies| !varies(description, g)) {
                 let advice = format!("write `{}` as well, or leave the map out", map.name);
-                problems.push(Problem::scene(place, "there is nothing that it would vary", advice));
+                problems.push(Problem::scene(place, "the quantity that it multiplies is not set", advice));
             }
         }
         for (map, looker) in maps() {
@@ -144,13 +144,13 @@ impl Varied {
         let made = with_unit(painted.at(first, of_garment));
         let how = match painted.absolute {
             true => String::new(),
-            false => format!(" in the place of {}", short(of_garment)),
+            false => format!(" instead of {}", short(of_garment)),
         };
         report(misfits, problems, |list| {
             let (least, most) = (short(least), with_unit(most));
             let what =
-                format!("the values of vertices {list} make a `{name}` of {made}{how}; it can be {least} to {most}");
-            Problem::data(place, what, "paint these vertices anew")
+                format!("the values of vertices {list} give a `{name}` of {made}{how}; the range is {least} to {most}");
+            Problem::data(place, what, "repaint these vertices")
         });
     }
 }
@@ -175,7 +175,7 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
             refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
         }
         if seam.pairs.is_empty() {
-            refuse("it has no pairs".into(), "say which vertices it sews");
+            refuse("it has no pairs".into(), "list the vertices to sew");
         }
         check_values(&format!("seam {s}"), seam, problems);
     }
@@ -210,14 +210,14 @@ mod tests {
                 "stretch",
                 [1.0, 1e308, 1e7],
                 false,
-                "garment \"flag\", map of stretch: the values of vertices 1, 2 make a `stiffness` of inf N/m in the place \
-                 of 300; it can be 0 to 1e8 N/m",
+                "garment \"flag\", map of stretch: the values of vertices 1, 2 give a `stiffness` of inf N/m instead \
+                 of 300; the range is 0 to 1e8 N/m",
             ),
-            ("stretch", [1e9, 1.0, 1.0], true, "vertices 0 make a `stiffness` of 1e9 N/m; it can be 0 to 1e8"),
-            ("stretch_damping", [1.0, 1.0, 2e3], false, "vertices 2 make a `damping_ratio` of 2000"),
-            ("self_friction", [1.0, 401.0, 1.0], false, "vertices 1 make a `friction` of 100.25"),
-            ("density", [1.0, 1e7, 1e-9], false, "vertices 1, 2 make a `density` of 2e6 kg/m² in the place of 0.2"),
-            ("thickness", [1e4, 1.0, 1.0], true, "vertices 0 make a `thickness` of 10000 m; it can be 0 to 1000 m"),
+            ("stretch", [1e9, 1.0, 1.0], true, "vertices 0 give a `stiffness` of 1e9 N/m; the range is 0 to 1e8"),
+            ("stretch_damping", [1.0, 1.0, 2e3], false, "vertices 2 give a `damping_ratio` of 2000"),
+            ("self_friction", [1.0, 401.0, 1.0], false, "vertices 1 give a `friction` of 100.25"),
+            ("density", [1.0, 1e7, 1e-9], false, "vertices 1, 2 give a `density` of 2e6 kg/m² instead of 0.2"),
+            ("thickness", [1e4, 1.0, 1.0], true, "vertices 0 give a `thickness` of 10000 m; the range is 0 to 1000 m"),
         ] {
             let text = problems(of, values, absolute);
             assert!(text.contains(words), "{words}\n{text}");
@@ -232,10 +232,7 @@ mod tests {
         }
         // Each value that is no number is reported once.
         let text = problems("stretch", [-1.0, f64::NAN, f64::INFINITY], false);
-        assert_eq!(
-            text,
-            "garment \"flag\", map of stretch: the values of vertices 0, 1, 2 are not numbers zero or more"
-        );
+        assert_eq!(text, "garment \"flag\", map of stretch: the values of vertices 0, 1, 2 have to be zero or more");
     }
 
     #[test]

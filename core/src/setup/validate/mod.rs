@@ -211,16 +211,20 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
         let mut seen = BTreeSet::new();
         for name in names {
             if let Some(why) = names::why_unusable(name) {
-                let what = format!("{name:?} cannot be a name, for it names files and objects: {why}");
+                let what = format!("{name:?} is not a valid name for files and objects: {why}");
                 problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
             }
             if name.len() > LONGEST_NAME {
-                let what = format!("a name of {} bytes is too long: it names files", name.len());
+                let what = format!("a name of {} bytes is too long for files and objects", name.len());
                 let advice = format!("use at most {LONGEST_NAME} bytes; letters without accents take one each");
                 problems.push(Problem::scene(format!("{kind} {name:?}"), what, advice));
             }
             if !seen.insert(name) {
-                problems.push(Problem::scene(format!("{kind} \"{name}\""), "two have this name", "rename one of them"));
+                problems.push(Problem::scene(
+                    format!("{kind} \"{name}\""),
+                    "this name is used twice",
+                    "rename one of them",
+                ));
             }
         }
     }
@@ -398,7 +402,7 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
             problems.push(Problem::scene(&place, "it ends before it starts", "make `from` smaller than `until`"));
         }
         if pin.axes == [false; 3] {
-            problems.push(Problem::scene(&place, "it holds along no axis", "write `axes`, as in \"xyz\""));
+            problems.push(Problem::scene(&place, "it has no axes", "write `axes`, as in \"xyz\""));
         }
         if pin.hold == PinHold::Hard {
             let axes = (0..3).filter(|axis| pin.axes[*axis]);
@@ -446,7 +450,7 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
             let names = effects::REGISTRY.iter().map(|s| s.name);
             let advice = nearest(name, names)
                 .map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
-            problems.push(Problem::scene(name, "there is no effect of this name", advice));
+            problems.push(Problem::scene(name, "unknown effect", advice));
             continue;
         };
         let fits = match spec.scope {
@@ -455,7 +459,7 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
             Scope::Implied => true,
         };
         if !fits {
-            problems.push(Problem::scene(name, "it stands in the wrong place", "see the reference page of effects"));
+            problems.push(Problem::scene(name, "this table does not belong here", "see the reference page of effects"));
         }
         for required in spec.requires {
             let meets = |e: &&EffectRequest| {
@@ -463,13 +467,13 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
             };
             if !description.effects.iter().any(|e| meets(&e)) {
                 let left_out = description.left_out.iter().any(|out| out == required);
-                let how = if left_out { "left out" } else { "not there" };
-                let what = format!("it has no meaning without `{required}`, which is {how}");
+                let how = if left_out { "left out" } else { "missing" };
+                let what = format!("it requires `{required}`, which is {how}");
                 problems.push(Problem::scene(name, what, "ask for both or neither"));
             }
         }
         if !seen.insert((name, request.garment)) {
-            problems.push(Problem::scene(name, "it is asked for twice", "remove one of the tables"));
+            problems.push(Problem::scene(name, "it is requested twice", "remove one of the tables"));
         }
     }
     let has = |name: &str| description.effects.iter().any(|e| e.effect == name);
@@ -554,7 +558,7 @@ mod tests {
                 problems_of(|scene| scene.garments[0].start = Some(vec![Vec3::x(); 3])),
                 "garment \"flag\", start pose: all 3 points are in one place, [1.0, 0.0, 0.0]",
             ),
-            (problems_of(|scene| scene.pins[0].axes = [false; 3]), "garment \"flag\", pin 0: it holds along no axis"),
+            (problems_of(|scene| scene.pins[0].axes = [false; 3]), "garment \"flag\", pin 0: it has no axes"),
             (
                 problems_of(|scene| {
                     let PinTarget::Path { offsets, .. } = &mut scene.pins[0].target else { panic!("a path") };

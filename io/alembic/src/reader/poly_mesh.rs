@@ -203,7 +203,9 @@ impl PolyMesh {
         let unsigned = |values: Vec<i32>, limit: usize, what: &str| {
             let convert = |value: i32| {
                 let fits = u32::try_from(value).ok().filter(|&value| (value as usize) < limit);
-                fits.ok_or_else(|| damaged(format!("{what} {value} is out of range, 0 to below {limit} is right")))
+                fits.ok_or_else(|| {
+                    damaged(format!("{what} {value} is out of range; it has to be 0 or more and below {limit}"))
+                })
             };
             values.into_iter().map(convert).collect::<Result<Vec<u32>, AlembicError>>()
         };

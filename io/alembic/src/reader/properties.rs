@@ -238,7 +238,7 @@ impl Samples {
         match self.header.data_type.count_elements(&bytes) {
             Some(count) if self.header.is_array || count == 1 => Ok(bytes),
             _ => {
-                let reason = format!("the {} bytes of sample {index} are not what its type needs", bytes.len());
+                let reason = format!("sample {index} has {} bytes, which does not match its type", bytes.len());
                 Err(at(Fault::Damaged(reason)))
             }
         }
@@ -253,7 +253,7 @@ impl Samples {
         match whole.split_at_checked(DIGEST as usize) {
             Some((digest, payload)) if murmur3_x64_128(payload) == digest => Ok(()),
             _ if whole.is_empty() => Ok(()),
-            _ => Err(at(Fault::damaged(format!("sample {index} is not what was written")))),
+            _ => Err(at(Fault::damaged(format!("sample {index} differs from what was written")))),
         }
     }
 
@@ -268,7 +268,7 @@ impl Samples {
                 if bytes.is_multiple_of(size) {
                     return Ok(bytes / size);
                 }
-                let reason = format!("the {bytes} bytes of sample {index} are not what its type needs");
+                let reason = format!("sample {index} has {bytes} bytes, which does not match its type");
                 Err(at(Fault::Damaged(reason)))
             }
         }
@@ -318,7 +318,7 @@ impl Samples {
             return Err(AlembicError::Missing {
                 path: self.shared.source.path.clone(),
                 place: self.place.to_string(),
-                reason: format!("sample {index} is asked for, but there are {count}"),
+                reason: format!("sample {index} is requested, but there are {count}"),
                 help: "ask for a sample within the stored range".into(),
             });
         };
@@ -335,7 +335,7 @@ impl Samples {
         AlembicError::Missing {
             path: self.shared.source.path.clone(),
             place: self.place.to_string(),
-            reason: format!("it holds {} × {extent}, {wanted} are wanted", pod.name()),
+            reason: format!("it holds {} × {extent}; {wanted} is expected", pod.name()),
             help: "export it with the standard type".into(),
         }
     }

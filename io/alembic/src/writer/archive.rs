@@ -387,8 +387,8 @@ impl ArchiveWriter {
             return Err(self.refuse(place, "this name was declared before; names are unique within their parent"));
         }
         if !same {
-            let reason = "the stored one has another type, metadata or sampling; continue with the settings the file \
-                          was begun with, or write a new file";
+            let reason = "the stored one has a different type, metadata or sampling; continue with the settings that \
+                          the file was started with, or write a new file";
             return Err(self.refuse(place, reason));
         }
         Ok(())

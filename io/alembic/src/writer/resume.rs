@@ -51,12 +51,12 @@ impl ArchiveWriter {
         let (source, root) = ChunkSource::open_at(path, mark.root)?;
         let mut writer = Self::restored(path, &source, root)?;
         if writer.end != mark.end || writer.packed_mark() != Some(*mark) {
-            let reason = "what the file holds at its mark is not what was written there".into();
+            let reason = "the content at its mark differs from what was written there".into();
             return Err(AlembicError::Damaged { path: path.to_owned(), place: "commit".into(), reason });
         }
         writer.check_last_samples(&source)?;
         if described(&writer.metadata) != described(&archive_metadata(options)) {
-            return Err(writer.refuse("metadata", "the archive was begun with other settings"));
+            return Err(writer.refuse("metadata", "the archive was started with different settings"));
         }
         writer.sealed = true;
         let declared = declare(&mut writer)?;
@@ -64,7 +64,7 @@ impl ArchiveWriter {
             return Err(writer.refuse("declarations", "objects, properties or time samplings are not in the file"));
         }
         if let Some(place) = writer.undeclared() {
-            return Err(writer.refuse(&place, "the file has it, but it is not to be continued"));
+            return Err(writer.refuse(&place, "the file has it, but it is not being continued"));
         }
         writer.sealed = false;
         writer.mark = Some(*mark);
@@ -148,7 +148,7 @@ impl ArchiveWriter {
             let at = |fault: Fault| fault.at(&self.path, &node.place);
             let payload = source.data_after(Slot(last.payload), 16).map_err(at)?;
             if key.size > 0 && murmur3_x64_128(&payload) != key.digest {
-                return Err(at(Fault::damaged("the last sample is not what was written")));
+                return Err(at(Fault::damaged("the last sample differs from what was written")));
             }
         }
         Ok(())

@@ -105,7 +105,8 @@ impl ArchiveWriter {
         if node.count == 1 && node.previous == Some(key_of(node.data_type, payload)) {
             return Ok(());
         }
-        let reason = "a static property already has another value; continue with the values the file was begun with";
+        let reason =
+            "a static property already has a different value; continue with the values that the file was started with";
         Err(self.refuse_sample(property, reason))
     }
 

@@ -49,8 +49,8 @@ impl CheckpointReader {
         let mut file = input_file::open(path)?;
         seal::check(path, &mut file)?;
         let length = file.metadata().map_err(|e| IoError::reading(path, e))?.len();
-        let (head, content_hash, sections) = read_sealed(path, length)
-            .map_err(|e| damaged(path, "HDF5", format!("it is laid out in an unknown way: {e}")))?;
+        let (head, content_hash, sections) =
+            read_sealed(path, length).map_err(|e| damaged(path, "HDF5", format!("unknown layout: {e}")))?;
         let mut places = BTreeMap::new();
         for (section, offsets) in &sections {
             let names = section.datasets.iter().map(|dataset| (section.name.clone(), dataset.name.clone()));
@@ -60,7 +60,7 @@ impl CheckpointReader {
         let mut reader = Self { head, path: path.to_owned(), file, content_hash, outline, places };
         let found = reader.hash_content().map_err(|e| IoError::reading(path, e))?;
         if found != reader.content_hash {
-            return Err(damaged(path, "content", "its arrays or their names do not fit its content_hash".into()));
+            return Err(damaged(path, "content", "its arrays or their names do not match its content_hash".into()));
         }
         Ok(reader)
     }

@@ -132,7 +132,7 @@ fn a_file_cut_off_anywhere_is_refused_with_advice() {
         assert!(text.contains("cut.h5") && text.contains("--resume"), "{length}: {text}");
     }
     std::fs::write(&path, [whole.as_slice(), b"more"].concat()).unwrap();
-    assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("bytes, of"));
+    assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("bytes, but"));
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn what_is_no_checkpoint_is_refused() {
         [vec![0; 4096], b"Drapery checkpoint 99999999999999999999\n".repeat(40), b"\x89HDF\r\n\x1a\n".repeat(99)]
     {
         std::fs::write(&path, content).unwrap();
-        assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("no checkpoint"));
+        assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("not a checkpoint"));
     }
     assert_eq!(Checkpoint::read(folder.path()).unwrap_err().kind(), IoErrorKind::BadInput);
 }

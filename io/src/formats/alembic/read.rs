@@ -54,7 +54,7 @@ impl AlembicMesh {
             let paths: Vec<String> = meshes.iter().map(|mesh| mesh.object().path().to_owned()).collect();
             meshes.retain(|mesh| fits.is_match(mesh.object().path()));
             if meshes.is_empty() && !paths.is_empty() {
-                let what = format!("no mesh has a path like {pattern}");
+                let what = format!("no mesh path matches {pattern}");
                 return Err(IoError::data(path, "objects", what, format!("its meshes are {}", paths.join(", "))));
             }
         }
@@ -228,7 +228,11 @@ fn without_meshes(archive: &Archive) -> String {
         .take(5)
         .map(|object| format!("{} ({:?})", object.path(), object.schema()))
         .collect();
-    if others.is_empty() { "it holds no mesh".into() } else { format!("it holds no mesh, but {}", others.join(", ")) }
+    if others.is_empty() {
+        "it contains no mesh".into()
+    } else {
+        format!("it contains no mesh, only {}", others.join(", "))
+    }
 }
 
 /// Times at which points or transforms change, ascending.

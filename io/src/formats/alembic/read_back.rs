@@ -67,7 +67,7 @@ pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<Cache
     let mut stored = PolyMesh::all(&archive)?;
     stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
     if stored.is_empty() {
-        return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
+        return Err(IoError::data(path, "objects", "it contains no mesh", "give a cache of a garment"));
     }
     let fps = rate.or(archive.frames_per_second_hint());
     let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
@@ -143,12 +143,13 @@ fn left_out(mesh: &PolyMesh) -> Vec<String> {
     }
     let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
     let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
-    sentences
-        .extend(moving.map(|param| format!("{name}: {} moves, and has its first value in all frames", param.name())));
+    sentences.extend(
+        moving.map(|param| format!("{name}: {} is animated; its first value is used in all frames", param.name())),
+    );
     let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
     let is_there = |crease: &&&str| mesh.geom().samples(crease).is_some_and(|samples| !samples.is_empty());
     let creases = creases.iter().filter(is_there);
-    sentences.extend(creases.map(|crease| format!("{name}: {crease} is left out: it is not copied to the cache")));
+    sentences.extend(creases.map(|crease| format!("{name}: {crease} is not copied to the cache")));
     sentences
 }
 

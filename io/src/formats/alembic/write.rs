@@ -466,11 +466,11 @@ fn not_continued(path: &Path, mark: &CacheMark, error: AlembicError) -> IoError 
         AlembicError::Io { .. } => error.into(),
         AlembicError::Damaged { place, reason, .. } => cannot_continue(path, format!("{frame}, {place}"), reason),
         AlembicError::Refused { place, reason, .. } => {
-            let what = format!("the cache was begun with other settings: {reason}");
+            let what = format!("the cache was started with different settings: {reason}");
             cannot_continue(path, format!("{frame}, {place}"), what)
         }
         AlembicError::NotOgawa { reason, .. } => cannot_continue(path, frame, reason),
-        _ => cannot_continue(path, frame, "it is no longer the archive that was written"),
+        _ => cannot_continue(path, frame, "the archive has changed since it was written"),
     }
 }
 

@@ -110,14 +110,14 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     }
     let stored = CachePlan { last_frame: plan.first_frame.saturating_add(frames as i64 - 1), ..plan.clone() };
     if let Some(name) = differing_attribute(&file, &stored)? {
-        return Ok(Err(format!("the cache was begun with other settings: `{name}` is another")));
+        return Ok(Err(format!("the cache was started with different settings: `{name}` differs")));
     }
     if file.link_exists("uv_values") && data.uvs.is_none() {
-        return Ok(Err("the cache was begun with other settings: it has UVs".into()));
+        return Ok(Err("the cache was started with different settings: it has UVs".into()));
     }
     for fixed in fixed_datasets(&stored, data, &triangles_to_store(data)) {
         if !fixed.is_in(&file)? {
-            return Ok(Err(format!("the cache was begun with other settings: `{}` is another", fixed.name)));
+            return Ok(Err(format!("the cache was started with different settings: `{}` differs", fixed.name)));
         }
     }
     let points = plan.mesh.point_count();
@@ -135,7 +135,7 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
         {
             Ok(Ok(Layout { offsets: Offsets { positions, velocities, normals, crossings, committed }, frames }))
         }
-        _ => Ok(Err("the cache was begun with other settings: it has other datasets".into())),
+        _ => Ok(Err("the cache was started with different settings: its datasets differ".into())),
     }
 }
 

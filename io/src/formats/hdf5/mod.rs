@@ -50,5 +50,5 @@ pub(super) const FORMAT: Format = Format {
 
 /// The error of a file that the library cannot read as a cache.
 fn not_a_cache(path: &Path, source: &hdf5::Error) -> IoError {
-    IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
+    IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a Drapery cache")
 }

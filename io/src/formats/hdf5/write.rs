@@ -73,7 +73,7 @@ impl Hdf5Writer {
         let mut bytes = Vec::new();
         stored.read_frame(kept - 1, &mut bytes).map_err(failed)?;
         if hexadecimal(murmur3_x64_128(&bytes)) != mark.digest {
-            return Err(cannot_continue(path, frame, "the frame is not the one that was written"));
+            return Err(cannot_continue(path, frame, "the frame differs from the one that was written"));
         }
         drop(data);
         remove(&unfinished(path))?;

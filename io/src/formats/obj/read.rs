@@ -176,7 +176,7 @@ fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> 
         number += 1;
         let place = Place { path, line: number };
         if bytes.contains(&0) {
-            return Err(place.error("it holds a zero byte: this is no text, or one in UTF-16"));
+            return Err(place.error("it contains a zero byte: not a text file, or one in UTF-16"));
         }
         // Some programs mark a text as UTF-8 by its first bytes; the first point must not be lost by them.
         let start = if number == 1 && bytes.starts_with(MARK) { MARK.len() } else { 0 };
@@ -263,7 +263,7 @@ impl Scanner {
         }
         let count = self.face_points.len();
         if count < 3 {
-            return Err(place.error(format!("a face with {count} corners; it takes at least 3")));
+            return Err(place.error(format!("a face has {count} corners; at least 3 are needed")));
         }
         Ok(())
     }
@@ -334,11 +334,11 @@ fn numbers<'a, const N: usize>(
 
 /// Index of a list that counts from 1, or backwards from -1.
 fn index(word: &str, count: usize, what: &str, place: &Place<'_>) -> Result<u32, IoError> {
-    let written: i64 = word.parse().map_err(|_| place.error(format!("`{word}` is not the number of a {what}")))?;
+    let written: i64 = word.parse().map_err(|_| place.error(format!("`{word}` is not an index of a {what}")))?;
     let count = count as i64;
     let index = if written < 0 { count + written } else { written - 1 };
     if index < 0 || index >= count {
-        return Err(place.error(format!("{what} {written} does not exist; {count} came before this line")));
+        return Err(place.error(format!("{what} {written} does not exist; {count} are defined before this line")));
     }
     Ok(index as u32)
 }
@@ -385,12 +385,12 @@ mod tests {
     fn a_broken_line_is_named() {
         for (text, expected) in [
             ("v 0 0 0\nv 0 zero 0\n", "line 2: `zero` is not a number"),
-            ("v 0 0 0\nf 1 1 2\n", "line 2: point 2 does not exist; 1 came before this line"),
+            ("v 0 0 0\nf 1 1 2\n", "line 2: point 2 does not exist; 1 are defined before this line"),
             ("v 0 0\n", "line 1: 3 numbers are expected"),
-            ("v 0 0 0\nf 1 1\n", "line 2: a face with 2 corners"),
+            ("v 0 0 0\nf 1 1\n", "line 2: a face has 2 corners"),
             ("v 0 0 0\nf 0 1 1\n", "point 0 does not exist"),
             ("v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r", "line 1: `v` is not a number"),
-            ("\u{feff}v\0 \u{0}0", "line 1: it holds a zero byte"),
+            ("\u{feff}v\0 \u{0}0", "line 1: it contains a zero byte"),
         ] {
             let message = parsed(text).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

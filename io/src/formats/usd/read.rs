@@ -72,7 +72,12 @@ impl UsdMesh {
         let countable = codes_per_second.is_finite() && codes_per_second > 0.0;
         if !countable && !chosen.codes.is_empty() {
             let what = format!("timeCodesPerSecond is {codes_per_second}, so its samples have no times");
-            return Err(IoError::data(path, "stage", what, "write how many time codes make a second, for example 24"));
+            return Err(IoError::data(
+                path,
+                "stage",
+                what,
+                "set it to the number of time codes per second, for example 24",
+            ));
         }
         let times = chosen.codes.iter().map(|code| code / codes_per_second).collect();
         notes.extend(chosen.notes.iter().cloned());
@@ -196,7 +201,7 @@ impl MeshReader for UsdMesh {
 
 /// Says that something of an object is not handed through.
 pub(super) fn left_out(object: &str, name: &str) -> String {
-    format!("{object}: {name} is left out: it is not copied to the cache")
+    format!("{object}: {name} is not copied to the cache")
 }
 
 /// Returns the units that a stage states.
@@ -209,7 +214,7 @@ pub(super) fn stated_units(path: &Path, about: &About) -> Result<StatedUnits, Io
         Some("Y") => Some(UpAxis::Y),
         Some("Z") => Some(UpAxis::Z),
         Some(other) => {
-            let what = format!("upAxis is {other:?}, and has to be \"Y\" or \"Z\"");
+            let what = format!("upAxis is {other:?}; it has to be \"Y\" or \"Z\"");
             return Err(IoError::data(path, "stage", what, "set it in the program that wrote the file"));
         }
     };
@@ -226,7 +231,7 @@ pub(super) fn frame_rate(path: &Path, about: &About) -> Result<(f64, f64), IoErr
     for (name, rate) in [("timeCodesPerSecond", codes), ("framesPerSecond", frames)] {
         if !(rate.is_finite() && rate > 0.0) {
             let what = format!("{name} is {rate}, so its samples have no frames");
-            return Err(IoError::data(path, "stage", what, "write how many make a second, for example 24"));
+            return Err(IoError::data(path, "stage", what, "set it to the number per second, for example 24"));
         }
     }
     Ok((frames, codes / frames))
@@ -268,7 +273,7 @@ fn choose(
     let first = all().next().and_then(|(_, entry)| Some((&entry.path, skipped(entry)?)));
     let what = match (first, pattern) {
         (Some((path, why)), _) => format!("the mesh {path} is not rendered: {why}"),
-        (_, Some(pattern)) if !about.meshes.is_empty() => format!("no mesh has a path like {pattern}"),
+        (_, Some(pattern)) if !about.meshes.is_empty() => format!("no mesh path matches {pattern}"),
         _ => without_meshes(&about.others),
     };
     Err(IoError::data(path, "objects", what, advice))
@@ -277,7 +282,11 @@ fn choose(
 /// Says what a stage holds instead of meshes.
 fn without_meshes(others: &[(String, String)]) -> String {
     let some: Vec<String> = others.iter().take(5).map(|(path, kind)| format!("{path} ({kind})")).collect();
-    if some.is_empty() { "it holds no mesh".into() } else { format!("it holds no mesh, but {}", some.join(", ")) }
+    if some.is_empty() {
+        "it contains no mesh".into()
+    } else {
+        format!("it contains no mesh, only {}", some.join(", "))
+    }
 }
 
 /// A mesh of a stage as the rest of the program knows it.

@@ -32,7 +32,7 @@ pub(super) fn open(path: &Path, opening: Opening) -> Result<CacheFrames, IoError
     };
     let metres = cache.metres_per_unit;
     if !LengthUnit::ALL.iter().any(|unit| unit.metres() == metres) {
-        return Err(damaged(path, "metersPerUnit", "it is no unit that this program writes"));
+        return Err(damaged(path, "metersPerUnit", "it is not a unit that this program writes"));
     }
     let units = InputUnits { metres, up: if cache.z_up { UpAxis::Z } else { UpAxis::Y } };
     let first = cache.frame(0).map_err(|error| cache_error(path, error))?;
@@ -94,18 +94,18 @@ impl CacheSamples for Samples {
         if !folder.is_empty() && digest.starts_with(&folder) {
             return Ok(());
         }
-        Err(damaged(path, "topology.usdc", "its digest is not the one that its folder is called by"))
+        Err(damaged(path, "topology.usdc", "its digest differs from the name of its folder"))
     }
 }
 
 /// The triangles that were simulated, or the faces cut by the solver's rule.
 fn triangles(path: &Path, still: &Still, points: &[Vec3]) -> Result<Vec<[u32; 3]>, IoError> {
     if !still.face_indices.iter().all(|corner| (*corner as usize) < points.len()) {
-        return Err(damaged(path, "faceVertexIndices", "a face has a corner that is none of the points"));
+        return Err(damaged(path, "faceVertexIndices", "a face refers to a point that does not exist"));
     }
     let Some(stored) = &still.triangles else { return Ok(cut(&still.face_counts, &still.face_indices, points)) };
     listed_triangles(stored, points.len())
-        .ok_or_else(|| damaged(path, "drapery:triangles", "a triangle has a corner that is none of the points"))
+        .ok_or_else(|| damaged(path, "drapery:triangles", "a triangle refers to a point that does not exist"))
 }
 
 fn damaged(path: &Path, place: &str, what: &str) -> IoError {

@@ -70,7 +70,8 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
         let codes: Vec<f64> = of_frames.chain(between.iter().copied()).collect();
         let left = chosen.left_out_of_each[mesh].iter().map(|left| left_out(name, left));
         let moving = chosen.moving_primvars_of_each[mesh].iter();
-        let moving = moving.map(|moving| format!("{name}: {moving} moves, and has its first value in all frames"));
+        let moving =
+            moving.map(|moving| format!("{name}: {moving} is animated; its first value is used in all frames"));
         let about_it = CacheMesh {
             name: name.clone(),
             between: between.iter().map(|code| Between::at(code / codes_per_frame)).collect(),
@@ -104,8 +105,8 @@ fn samples_of(
     let range = range.filter(|[first, last]| first.is_finite() && last.is_finite() && first <= last);
     let [first, last] = range.unwrap_or_else(sampled).map(|code| code / codes_per_frame);
     if last - first > MOST_FRAMES || first.abs().max(last.abs()) > i64::from(i32::MAX) as f64 {
-        let what = format!("its time codes are those of the frames {first} to {last}, which are too many");
-        let advice = format!("a cache has at most {MOST_FRAMES} frames; mend startTimeCode and endTimeCode");
+        let what = format!("its time codes span the frames {first} to {last}, which are too many");
+        let advice = format!("a cache has at most {MOST_FRAMES} frames; correct startTimeCode and endTimeCode");
         return Err(IoError::data(path, name, what, advice));
     }
     let (from, to) = (first.ceil() as i64, last.floor() as i64);
@@ -133,7 +134,7 @@ fn first_sample(
     let stored = stored.and_then(|corners| listed_triangles(corners.as_chunks().0, points.len()));
     if let Some(stored) = stage.stored(mesh, code)?.filter(|stored| stored.extent.is_none()) {
         let what = format!("{}: no extent at frame {}", about.name, about.frames[0]);
-        notes.push(format!("{what}, for {} points: applications have to look for it", stored.points.len()));
+        notes.push(format!("{what}, for {} points: applications have to compute it", stored.points.len()));
     }
     Ok(CacheMesh {
         points: points.len(),
@@ -232,12 +233,12 @@ impl CacheSamples for Samples {
 fn notes_on(about: &About) -> Vec<String> {
     let mut notes = Vec::new();
     if about.default_prim.is_none() {
-        notes.push("the stage has no defaultPrim: whoever references it has to name a prim".to_owned());
+        notes.push("the stage has no defaultPrim: references to it have to name a prim".to_owned());
     }
     if about.range.is_none() {
-        notes.push("the stage does not say its first and last time code; frames are those of the samples".to_owned());
+        notes.push("the stage does not state its first and last time code; its samples set the frames".to_owned());
     }
-    notes.extend(hidden(about).map(|(path, why)| format!("{path} is not looked at: {why}")));
+    notes.extend(hidden(about).map(|(path, why)| format!("{path} is not checked: {why}")));
     notes
 }
 

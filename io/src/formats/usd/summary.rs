@@ -18,14 +18,14 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     let mut properties = Vec::new();
     let mut tell = |name: &str, value: String| properties.push((name.to_owned(), value));
     let or_default =
-        |said: Option<String>, default: &str| said.unwrap_or_else(|| format!("not said; USD's default is {default}"));
+        |said: Option<String>, default: &str| said.unwrap_or_else(|| format!("not stated; USD's default is {default}"));
     tell("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
     tell("upAxis", or_default(about.up_axis.clone(), "Y"));
     tell("timeCodesPerSecond", about.codes_per_second.to_string());
     tell("framesPerSecond", or_default(about.frames_per_second.map(|rate| rate.to_string()), "24"));
     let range = about.range.map(|[first, last]| format!("{first} to {last}"));
-    tell("time codes", range.unwrap_or_else(|| "not said".to_owned()));
-    tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not said".to_owned()));
+    tell("time codes", range.unwrap_or_else(|| "not stated".to_owned()));
+    tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not stated".to_owned()));
     tell("layers", about.layers.len().to_string());
     let own = path.canonicalize().ok();
     let folder = own.as_deref().and_then(Path::parent);

@@ -142,7 +142,9 @@ impl UsdWriter {
             Ok(there) if there == still => {}
             Ok(_) => return Err(refused("its topology is no longer the one that was written")),
             Err(e) if e.kind() == ErrorKind::NotFound && writer.clips.is_dir() => {
-                return Err(refused("the cache was begun with other settings: another mesh, origin, unit or content"));
+                return Err(refused(
+                    "the cache was started with different settings: a different mesh, origin, unit or content",
+                ));
             }
             Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the folder of its clips is missing")),
             Err(e) => return Err(failed(e)),
@@ -158,7 +160,7 @@ impl UsdWriter {
         }
         match fs::read(clip(last, mark.sub_frame)) {
             Ok(bytes) if hexadecimal(murmur3_x64_128(&bytes)) == mark.digest => {}
-            Ok(_) => return Err(refused("the clip of this frame is not the one that was written")),
+            Ok(_) => return Err(refused("the clip of this frame differs from the one that was written")),
             Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the clip of this frame is missing")),
             Err(e) => return Err(failed(e)),
         }
@@ -168,7 +170,7 @@ impl UsdWriter {
             Err(_) => Ok(0),
         });
         if held.map_err(|e| refused(&e.to_string()))? != plan.mesh.point_count() {
-            return Err(refused("the cache was begun with other settings: another number of points"));
+            return Err(refused("the cache was started with different settings: a different number of points"));
         }
         writer.write_layer(&folder, (last, mark.sub_frame))?;
         writer.remove_later(&folder, (last, mark.sub_frame))?;
@@ -439,8 +441,6 @@ pub(super) fn cache_error(path: &Path, error: CacheError) -> IoError {
         CacheError::Io { path, source } if source.kind() == ErrorKind::NotFound => IoError::Missing { path },
         CacheError::Io { path, source } => IoError::Read { path, source },
         CacheError::Damaged { path: file, what } => IoError::data(path, file.display().to_string(), what, damaged),
-        CacheError::NotOurs { what, .. } => {
-            IoError::data(path, "stage", format!("it is no cache of this program: {what}"), other)
-        }
+        CacheError::NotOurs { what, .. } => IoError::data(path, "stage", format!("not a Drapery cache: {what}"), other),
     }
 }

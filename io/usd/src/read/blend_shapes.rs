@@ -118,14 +118,14 @@ impl Shape {
         }
         let expected = self.points.as_ref().map_or(points.len(), Vec::len);
         if offsets.len() != expected {
-            let what = format!("it moves {expected} points, and has {} offsets", offsets.len());
+            let what = format!("it moves {expected} points, but has {} offsets", offsets.len());
             return Err(self.bad(reading, what));
         }
         for (number, offset) in offsets.iter().enumerate() {
             let place = self.points.as_ref().map_or(number, |places| places[number]);
             let count = points.len();
             let Some(point) = points.get_mut(place) else {
-                return Err(self.bad(reading, format!("it moves point {place}, and the mesh has {count} points")));
+                return Err(self.bad(reading, format!("it moves point {place}, but the mesh has {count} points")));
             };
             (0..3).for_each(|axis| point[axis] += share * offset[axis]);
         }

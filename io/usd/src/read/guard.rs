@@ -52,7 +52,7 @@ impl Guard {
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         // Before it is opened: to open a pipe waits for a writer, and a device may have no end.
         if !fs::metadata(path)?.is_file() {
-            return Err(self.refuse(&path.display().to_string(), "it is no file".to_owned()));
+            return Err(self.refuse(&path.display().to_string(), "not a file".to_owned()));
         }
         let mut bytes = Vec::new();
         fs::File::open(path)?.read_to_end(&mut bytes)?;

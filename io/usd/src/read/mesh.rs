@@ -59,14 +59,16 @@ impl Mesh {
         let scheme = reading.word(&prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned());
         if scheme != "none" {
             notes.push(format!(
-                "{path} is rendered as a subdivision surface ({scheme}); cloth meets its cage, which is what the points are"
+                "{path} is rendered as a subdivision surface ({scheme}); cloth collides with its cage, the points of \
+                 the file"
             ));
         }
         let skin = if entry.skinnable { Skin::of(reading, &prim, notes)? } else { None };
         let has_weights = || reading.ok(prim.attribute("primvars:skel:jointIndices").has_authored_value(), &prim);
         if skin.as_ref().is_none_or(|skin| !skin.has_joints()) && has_weights()? {
             notes.push(format!(
-                "{path} has joint weights that move nothing, in USD either: that takes a SkelRoot above it, SkelBindingAPI and a skeleton"
+                "{path} has joint weights without effect, as in USD: they need a SkelRoot above it, SkelBindingAPI and \
+                 a skeleton"
             ));
         }
         let point_codes = reading.times(&points)?;
@@ -135,7 +137,7 @@ impl Mesh {
         let others = self.sample(reading, to)?;
         if points.len() != others.len() {
             let what = format!(
-                "it has {} points at time code {from} and {} at {to}, so there is nothing in between",
+                "it has {} points at time code {from} and {} at {to}, so nothing can be interpolated in between",
                 points.len(),
                 others.len()
             );
@@ -152,7 +154,7 @@ impl Mesh {
         match reading.value_at(&self.points, code)? {
             None => Err(self.bad(reading, format!("it has no points at time code {code}"))),
             Some(value) => vectors(&value)
-                .ok_or_else(|| self.bad(reading, "its points are no list of points (point3f[])".to_owned())),
+                .ok_or_else(|| self.bad(reading, "its points are not a list of points (point3f[])".to_owned())),
         }
     }
 
@@ -240,21 +242,21 @@ impl Mesh {
         let list = |query: &AttributeQuery| -> Result<Vec<i32>, UsdError> {
             let value = reading.value_at(query, code)?;
             let missing =
-                || self.bad(reading, format!("`{}` holds no list of whole numbers", query.attribute().name()));
+                || self.bad(reading, format!("`{}` is not a list of whole numbers", query.attribute().name()));
             value.as_ref().and_then(integers).map(<[i32]>::to_vec).ok_or_else(missing)
         };
         let (counts, indices) = (list(&self.face_counts)?, list(&self.face_indices)?);
         if let Some((face, count)) = counts.iter().enumerate().find(|(_, count)| **count < 3) {
-            return Err(self.bad(reading, format!("face {face} has {count} corners; it takes at least 3")));
+            return Err(self.bad(reading, format!("face {face} has {count} corners; at least 3 are needed")));
         }
         let corners: u64 = counts.iter().map(|count| count.unsigned_abs() as u64).sum();
         if corners != indices.len() as u64 {
-            let what = format!("its faces have {corners} corners, and faceVertexIndices has {} values", indices.len());
+            let what = format!("its faces have {corners} corners, but faceVertexIndices has {} values", indices.len());
             return Err(self.bad(reading, what));
         }
         let outside = |index: &i32| usize::try_from(*index).map_or(true, |index| index >= point_count);
         if let Some((corner, index)) = indices.iter().enumerate().find(|(_, index)| outside(index)) {
-            let what = format!("corner {corner} is point {index}, and the mesh has {point_count} points");
+            let what = format!("corner {corner} is point {index}, but the mesh has {point_count} points");
             return Err(self.bad(reading, what));
         }
         let faces = Faces {
@@ -295,10 +297,10 @@ impl Mesh {
             }
             let Some(value) = reading.value_at(&prim.attribute("indices").query(), code)? else { continue };
             let wrong = |what: String| reading.bad(prim.path().as_str(), what, "export the mesh again");
-            let listed = integers(&value).ok_or_else(|| wrong("its indices are no list of faces".to_owned()))?;
+            let listed = integers(&value).ok_or_else(|| wrong("its indices are not a list of faces".to_owned()))?;
             let outside = |face: &&i32| usize::try_from(**face).map_or(true, |face| face >= faces);
             if let Some(face) = listed.iter().find(outside) {
-                return Err(wrong(format!("it holds face {face}, and the mesh has {faces} faces")));
+                return Err(wrong(format!("it holds face {face}, but the mesh has {faces} faces")));
             }
             let mut list: Vec<u32> = listed.iter().map(|face| face.unsigned_abs()).collect();
             list.sort_unstable();

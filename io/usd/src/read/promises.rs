@@ -144,7 +144,7 @@ fn of_crate(shared: &SharedBuffer) -> Option<String> {
     if let Some(count) = paths(numbers)
         && count > PATHS.max(length)
     {
-        return Some(format!("it promises {count} paths in {length} bytes"));
+        return Some(format!("it declares {count} paths in {length} bytes"));
     }
     // What cannot be opened says so itself, and better.
     let layer = CrateFile::open(AssetBuffer::Shared(shared.clone())).ok()?;
@@ -153,7 +153,7 @@ fn of_crate(shared: &SharedBuffer) -> Option<String> {
         let size = numbers.size(Reference(field.value_rep.0));
         let name = layer.tokens.get(field.token_index).map_or("?", String::as_str);
         (size > allowed)
-            .then(|| format!("the {name} of an attribute take {} MB, from a layer of {length} bytes", size / 1_000_000))
+            .then(|| format!("the {name} of an attribute take {} MB, in a layer of {length} bytes", size / 1_000_000))
     })
 }
 

@@ -122,7 +122,7 @@ const UNKNOWN_LETTERS: &str = "Logos error";
 
 /// The library's message, without the names of its parts.
 fn in_plain_words(what: &str) -> String {
-    what.replace(UNKNOWN_LETTERS, "these letters mean nothing in USD")
+    what.replace(UNKNOWN_LETTERS, "these characters are not valid USD")
 }
 
 /// Whether the library stumbled over a number that begins with its point.
@@ -131,7 +131,7 @@ fn begins_with_point(what: &str) -> bool {
 }
 
 fn refused(path: &Path, layer: &str, what: &str) -> UsdError {
-    let advice = "the file is damaged, or was made to do harm; if it is neither, write its samples as value clips";
+    let advice = "the file is damaged or malicious; if it is neither, write its samples as value clips";
     UsdError::bad(path, format!("layer {layer}"), what, advice)
 }
 
@@ -168,7 +168,7 @@ pub(super) fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
         let advice = match kind {
             _ if begins_with_point(&text) => WRITE_ZERO,
             UsdErrorKind::Missing => "put the file where the layer looks for it, or export the stage as one file",
-            UsdErrorKind::BadInput => "mend what the layer refers to, or export the stage as one file",
+            UsdErrorKind::BadInput => "correct the references of the layer, or export the stage as one file",
         };
         let error = UsdError::bad(path, named, in_plain_words(&text), advice);
         flaws.push((place, UsdError { kind, ..error }));

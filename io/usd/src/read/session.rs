@@ -159,7 +159,7 @@ fn walk(
             let in_instancer = inherited.instancer;
             inherit(reading, &prim, &kind, &mut inherited)?;
             if kind == "PointInstancer" {
-                let within = || "it is within another PointInstancer, which is not read".to_owned();
+                let within = || "it is inside another PointInstancer, which is not read".to_owned();
                 let hidden = hidden(&inherited).or_else(|| in_instancer.then(within));
                 let prototypes = reading.targets(&prim, "prototypes")?;
                 let prototypes = prototypes.iter().map(|path| path.as_str().to_owned()).collect();
@@ -240,7 +240,7 @@ fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
     // What is below an instancer is seen only where that places it.
     found.retain(|mesh| !mesh.in_instancer || placed.iter().all(|other| other.entry.path != mesh.entry.path));
     for mesh in found.iter_mut().filter(|mesh| mesh.in_instancer) {
-        let what = "it is below a PointInstancer, and none of its prototypes";
+        let what = "it is below a PointInstancer, but not one of its prototypes";
         mesh.entry.hidden.get_or_insert_with(|| what.to_owned());
     }
     found.append(&mut placed);

@@ -58,7 +58,7 @@ impl Skeleton {
         };
         let rest = fitting("restTransforms")?;
         let bind = fitting("bindTransforms")?
-            .ok_or_else(|| bad("it has no bindTransforms, so it is not known where its mesh was bound to it".into()))?;
+            .ok_or_else(|| bad("it has no bindTransforms, so the bind pose of its mesh is unknown".into()))?;
         let unbind = bind.iter().zip(&joints).map(|(bind, joint)| {
             inverse(bind).ok_or_else(|| bad(format!("the bind transform of joint {joint} has no inverse")))
         });
@@ -106,7 +106,7 @@ impl Skeleton {
             });
         }
         if let Some(joint) = posed.iter().position(|matrix| matrix.iter().any(|x| !x.is_finite())) {
-            return Err(bad(format!("at time code {code}: joint {} is nowhere", self.joints[joint])));
+            return Err(bad(format!("at time code {code}: joint {} has no finite transform", self.joints[joint])));
         }
         Ok(self.unbind.iter().zip(&posed).map(|(unbind, posed)| multiply(unbind, posed)).collect())
     }

@@ -49,7 +49,7 @@ impl Skin {
         let prim = prim_at(reading, &target, mesh)?;
         let path = mesh.path().as_str();
         if reading.kind(&prim)? != "Skeleton" {
-            let what = format!("it is bound to {}, which is no skeleton", target.as_str());
+            let what = format!("it is bound to {}, which is not a skeleton", target.as_str());
             return Err(reading.bad(path, what, "export the character again, with its skeleton"));
         }
         let skeleton = Skeleton::of(reading, &prim)?;
@@ -128,8 +128,10 @@ impl Joints {
         let (Some(indices_of), Some(weights_of)) = (indices_of, weights_of) else { return Ok(None) };
         let indices = reading.value(&indices_of)?;
         let weights = reading.value(&weights_of)?;
-        let indices = indices.as_ref().and_then(integers).ok_or_else(|| bad("its joint indices are no list".into()))?;
-        let weights = weights.as_ref().and_then(numbers).ok_or_else(|| bad("its joint weights are no list".into()))?;
+        let indices =
+            indices.as_ref().and_then(integers).ok_or_else(|| bad("its joint indices are not a list".into()))?;
+        let weights =
+            weights.as_ref().and_then(numbers).ok_or_else(|| bad("its joint weights are not a list".into()))?;
         let (per_point, rigid) = layout(reading, &indices_of)?;
         if indices.len() != weights.len() || per_point == 0 || !indices.len().is_multiple_of(per_point) {
             let (indices, weights) = (indices.len(), weights.len());
@@ -149,12 +151,11 @@ impl Joints {
             let index = usize::try_from(*index).ok().filter(|index| *index < count);
             let index = index.ok_or_else(|| {
                 let point = number / per_point;
-                bad(format!("point {point} follows joint {}, and there are {count} joints", indices[number]))
+                bad(format!("point {point} follows joint {}, but there are {count} joints", indices[number]))
             })?;
             places.push(match (&of_mesh, &named) {
-                (Some(of_mesh), Some(named)) => {
-                    of_mesh[index].ok_or_else(|| bad(format!("its joint {} is none of its skeleton", named[index])))?
-                }
+                (Some(of_mesh), Some(named)) => of_mesh[index]
+                    .ok_or_else(|| bad(format!("its joint {} does not exist in its skeleton", named[index])))?,
                 _ => index,
             });
         }
@@ -280,7 +281,7 @@ fn layout(reading: &Reading, indices: &Attribute) -> Result<(usize, bool), UsdEr
         Some("vertex") => Ok((size as usize, false)),
         None | Some("constant") => Ok((size as usize, true)),
         Some(other) => {
-            let what = format!("joints are given {other}, and have to be given for each vertex or for all (constant)");
+            let what = format!("joints are given {other}, but have to be given for each vertex or for all (constant)");
             Err(reading.bad(indices.path().as_str(), what, "bind the mesh to its skeleton again"))
         }
     }
@@ -293,8 +294,8 @@ fn sums(path: &str, weights: &[f64], per_point: usize) -> Option<String> {
         off.filter(|off| *off > SUM).fold((0_usize, 0.0_f64), |(count, worst), off| (count + 1, worst.max(off)));
     (count > 0).then(|| {
         format!(
-            "{path}: the joint weights of {count} points do not sum to one, by up to {worst:.3}; they are used as they are, as \
-             USD does, so these points are not where the joints are"
+            "{path}: the joint weights of {count} points do not sum to one, by up to {worst:.3}; they are used as they \
+             are, as USD does, so these points do not follow their joints exactly"
         )
     })
 }

@@ -156,7 +156,7 @@ impl Transform {
             let path = attribute.path().as_str().to_owned();
             let kind = name.strip_prefix("xformOp:").and_then(|name| Kind::named(name.split(':').next()?));
             let Some(kind) = kind else {
-                let what = format!("`{name}` is not an operation that is known");
+                let what = format!("`{name}` is not a known operation");
                 return Err(reading.bad(path, what, "use translate, scale, rotate…, orient or transform"));
             };
             reading.declare(prim, &[(name, kind.type_name())])?;
@@ -182,9 +182,9 @@ impl Transform {
             let Some(value) = reading.value_at(value, code)? else { continue };
             let wrong = |what: &str| reading.bad(path, format!("at time code {code}: {what}"), "export it again");
             let mut matrix =
-                kind.matrix(&value).ok_or_else(|| wrong("its value has another type than its name says"))?;
+                kind.matrix(&value).ok_or_else(|| wrong("the type of its value does not match its name"))?;
             if *inverted {
-                matrix = inverse(&matrix).ok_or_else(|| wrong("what is to be inverted has no inverse"))?;
+                matrix = inverse(&matrix).ok_or_else(|| wrong("the operation to invert has no inverse"))?;
             }
             world = multiply(&world, &matrix);
         }

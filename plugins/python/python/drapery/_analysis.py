@@ -84,7 +84,7 @@ class Study:
 
     @property
     def own_error(self) -> npt.NDArray[np.float64]:
-        """Own error of the reference at each of them [m]; empty where it was not checked."""
+        """Self-error of the reference at each of them [m]; empty where it was not checked."""
         return _array(self._content["own_error"])
 
     @property
@@ -187,11 +187,11 @@ class Verification:
 
     @property
     def ok(self) -> bool:
-        """Whether every rule is kept."""
+        """Whether all rules are met."""
         return not self.failures
 
     def __repr__(self) -> str:
-        head = "every rule is kept" if self.ok else f"{len(self.failures)} rules are broken"
+        head = "all rules are met" if self.ok else f"{len(self.failures)} rules are broken"
         lines = [f"warning: {line}" for line in self.warnings] + [f"broken: {line}" for line in self.failures]
         return "\n  ".join([f"<drapery.Verification: {head}>", *self.facts, *lines])
 

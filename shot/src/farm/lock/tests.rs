@@ -147,7 +147,7 @@ fn a_lock_that_was_deleted_is_lost() {
     // Also when the folder is free for others in between.
     fs::write(folder.path().join(LOCK), "").unwrap();
     assert!(!lock.still_mine());
-    assert!(lock.check().unwrap_err().to_string().contains("another run has taken this folder over"));
+    assert!(lock.check().unwrap_err().to_string().contains("another run has taken over this folder"));
 }
 
 #[test]
