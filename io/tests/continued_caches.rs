@@ -396,7 +396,7 @@ fn a_cache_that_is_missing_damaged_or_another_one_is_refused_and_left_alone() {
         fs::write(&path, &flipped).unwrap();
         refused(&mark, "");
         fs::write(&path, &good).unwrap();
-        refused(&CacheMark { digest: "7".repeat(32), ..mark.clone() }, "not");
+        refused(&CacheMark { digest: "7".repeat(32), ..mark.clone() }, "differs");
         refused(&CacheMark { digest: "none".into(), ..mark.clone() }, "");
         refused(&CacheMark { last_frame: Some(1005), ..mark.clone() }, "");
         refused(&CacheMark { last_frame: Some(1000), ..mark.clone() }, "begins at 1001");

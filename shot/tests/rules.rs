@@ -127,7 +127,7 @@ fn round_hero(folder: &Path) {
 #[test]
 fn a_body_that_is_too_thin_for_coarse_cloth_is_told_unless_the_scene_leaves_it_out() {
     let hero = |thickness: &str| with(&HERO.replace("hero.abc\"\n", &format!("hero.obj\"\n{thickness}\n")));
-    let words = ["body \"hero\": it is 2.00 mm thick", "help: write thickness = \"", "or leave it out"];
+    let words = ["body \"hero\": its thickness is 2.00 mm", "help: write thickness = \"", "or leave it out"];
     rule(
         "thin_body",
         round_hero,

@@ -158,7 +158,7 @@ fn a_cut_off_archive_and_frames_outside_an_archive() {
     let scene = FROM_FILES.replace("body.obj", "body.abc").replace("skirt.obj", "high.obj");
     std::fs::write(folder.path().join("high.obj"), "v 2 5 0\nv 3 5 0\nv 3 5 1\nv 2 5 1\nf 1 4 3 2\n").unwrap();
     std::fs::write(folder.path().join("scene.toml"), scene.replace("1-3", "1001-1010")).unwrap();
-    refused(folder.path(), 65, &["body \"hero\"", "from frame 1001 to 1004", "frames 1001 to 1010", "help:"]);
+    refused(folder.path(), 65, &["body \"hero\"", "frames 1001 to 1004", "frames 1001 to 1010", "help:"]);
     std::fs::write(folder.path().join("body.abc"), &cache[..cache.len() / 2]).unwrap();
     refused(folder.path(), 65, &["body.abc", "truncated or corrupt"]);
 }

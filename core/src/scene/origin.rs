@@ -179,10 +179,10 @@ mod tests {
         // 0.06 mm at 1.5 km, a tenth of the thickness being 0.05 mm.
         let garments = [square("near", Vec3::zeros()), square("far", Vec3::new(0.0, 0.0, 1500.0))];
         let (_, said) = scene_by(2, &garments, Some(Vec3::zeros()));
-        assert!(said.contains("garment \"far\": caches") && said.contains("6.1e-5 m"), "{said}");
-        assert!(!said.contains("garment \"near\": caches"), "{said}");
+        assert!(said.contains("garment \"far\": positions in caches") && said.contains("6.1e-5 m"), "{said}");
+        assert!(!said.contains("garment \"near\": positions in caches"), "{said}");
         // Between the two no place is near both: 0.03 mm.
-        assert!(!scene_by(2, &garments, Some(Vec3::new(0.0, 0.0, 750.0))).1.contains("caches"));
+        assert!(!scene_by(2, &garments, Some(Vec3::new(0.0, 0.0, 750.0))).1.contains("positions in caches"));
     }
 
     #[test]

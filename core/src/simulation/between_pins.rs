@@ -238,7 +238,7 @@ mod tests {
         };
         assert_eq!(of_length(0.08, 0.03), "");
         let said = of_length(0.08, 0.11);
-        assert!(said.contains("or than 0.05 m; the farthest is vertex 1502, 0.120 m away"), "{said}");
+        assert!(said.contains("or more than 0.05 m; the farthest is vertex 1502, 0.120 m away"), "{said}");
     }
 
     #[test]

@@ -95,7 +95,7 @@ pub(super) const H44: Case = Case {
         let mut moved = person();
         moved.points.iter_mut().for_each(|p| p.x += 0.01);
         let ended = run_archive(bench, &[person(), moved], "out")?;
-        let words = ["body \"hero\"", "from frame 1 to 2", "frames 1 to 3"];
+        let words = ["body \"hero\"", "frames 1 to 2", "frames 1 to 3"];
         Ok(judged("two frames of three", &ended, 65.0, &words).into())
     },
 };

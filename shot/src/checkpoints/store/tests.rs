@@ -139,7 +139,7 @@ fn a_damaged_newest_checkpoint_is_passed_over_and_said() {
     assert_eq!(search.found.unwrap().checkpoint.head.frame, 2);
     let messages: Vec<String> = search.refused.iter().map(ToString::to_string).collect();
     assert_eq!(messages.len(), 3);
-    let reasons = ["belongs into frame_00001.h5", "only 0 bytes", "bytes, but"];
+    let reasons = ["belongs in frame_00001.h5", "only 0 bytes", "bytes, but"];
     for ((text, path), reason) in messages.iter().zip(paths.iter().rev()).zip(reasons) {
         assert!(text.contains(&path.display().to_string()) && text.contains(reason), "{text}");
     }
