@@ -20,145 +20,150 @@ pub struct Rule {
 pub static RULES: [Rule; 19] = [
     Rule {
         name: "no_gravity",
-        finds: "nothing pulls the cloth down",
-        exactly: "Silent where the scene has `[gravity]`, of any acceleration, or leaves it out by `[effects]` or `--without`.",
+        finds: "a scene without gravity",
+        exactly: "Silent if the scene has `[gravity]`, with any acceleration, or leaves it out by `[effects]` or \
+                  `--without`.",
         line: "[gravity]",
     },
     Rule {
         name: "no_self_collision",
-        finds: "two garments, or one that can fold, that may pass through themselves and each other",
-        exactly: "A garment can fold if it has 100 points or more: fewer are a patch of less than ten by ten. Silent where the scene \
-                  leaves `self_collision` out by `[effects]` or `--without`.",
+        finds: "two or more garments, or one that can fold, without self-collision: they may pass through themselves \
+                and each other",
+        exactly: "A garment counts as able to fold if it has 100 points or more: fewer are a patch of less than ten by \
+                  ten. Silent if the scene leaves `self_collision` out by `[effects]` or `--without`.",
         line: "[self_collision]",
     },
     Rule {
         name: "up_axis",
-        finds: "a body that stands along the axis that is not `up`, or gravity that does not pull down",
-        exactly: "A body contradicts `up` in its first pose if all three hold: along the other axis it is at least twice as high; \
-                  there its feet are on the ground, within a tenth of that height of zero; and along `up` it reaches below zero and \
-                  above by a fifth of its extent each, as the depth of a standing figure does. A figure that lies, sits or crouches \
-                  on the ground does not reach below it. Gravity, and everything else in a scene, counts with Y up in metres, \
-                  whatever `[units]` says of files: it contradicts that if it pulls by less than half downwards.",
+        finds: "a body that stands along another axis than `up`, or gravity that does not pull down",
+        exactly: "A body contradicts `up` in its first pose if three conditions hold. It is at least twice as high \
+                  along the other axis. Its feet are on the ground there: within a tenth of this height from zero. \
+                  Along `up` it reaches both below and above zero by a fifth of its extent, like the depth of a \
+                  standing figure. A figure that lies, sits or crouches on the ground does not reach below it. \
+                  Gravity, like every number of a scene, counts with Y up in metres; `[units]` is for files. It is \
+                  reported if less than half of it pulls downwards.",
         line: "up = \"Z\"",
     },
     Rule {
         name: "frame_rate",
-        finds: "`shot.fps` other than the rate of the archive that a body or a pin follows",
-        exactly: "The rate of a file is what it states (`DCC_FPS` or `FramesPerTimeUnit` of an Alembic archive, `timeCodesPerSecond` of a stage), or else that \
-                  of its samples, if they are evenly spaced and neither several to a frame nor several frames apart.",
+        finds: "`shot.fps` differs from the frame rate of a file that a body or a pin follows",
+        exactly: "A file states its rate (`DCC_FPS` or `FramesPerTimeUnit` of an Alembic archive, `timeCodesPerSecond` \
+                  of a stage). Otherwise the rate of its samples counts, if they are evenly spaced and neither several \
+                  to a frame nor several frames apart.",
         line: "fps = \"25\"",
     },
     Rule {
         name: "thickness_lowered",
-        finds: "garments whose thickness is lowered where edges are short",
+        finds: "garments whose thickness is lowered because edges are short",
         exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex. Silent \
-                  where the scene writes `thickness_clamp`, and where fewer than one vertex in a hundred is affected; \
-                  `plan` always notes it.",
+                  if the scene sets `thickness_clamp`, or if at most one vertex in a hundred is affected. `plan` always \
+                  notes it.",
         line: "thickness = \"0.8 mm\"",
     },
     Rule {
         name: "thin_body",
         finds: "a mesh body whose `thickness` is too small for coarse faces, so that it shows through the cloth",
-        exactly: "Cloth is kept out at its vertices. The thickness that its faces and those of the body need over 95 % \
-                  of the body's area in its first frame follows from their sizes and from the angles between the \
-                  body's faces ([the scene file](scene.md)); nine tenths of it are enough. Silent where the scene sets \
-                  no thickness: the default is at least that.",
+        exactly: "Contact keeps the vertices of cloth out of a body. The thickness that the faces of cloth and body \
+                  need, over 95 % of the body's area in its first frame, follows from the sizes of the faces and from \
+                  the angles between the body's faces ([the scene file](scene.md)). Nine tenths of it are enough. \
+                  Silent if the scene sets no thickness: the default is at least the needed one.",
         line: "thickness = \"4 mm\"",
     },
     Rule {
         name: "other_diagonal",
         finds: "garments that intersect cloth or a body at the start if their faces are cut along the other diagonal",
-        exactly: "Caches hold the faces, which renderers cut into triangles. Both diagonals of quads are tested, of \
-                  garments and of bodies, and the fans of larger faces from the first and the last corner: bodies in \
-                  scenes with bodies, cloth with cloth in scenes with `[self_collision]`; with `faces = \"triangles\"` \
-                  garments have no other diagonal. A run counts later intersections of this kind as \
+        exactly: "Caches hold the faces, and renderers cut them into triangles. The test covers both diagonals of \
+                  quads, and for larger faces the fans from the first and the last corner, of garments and of bodies. \
+                  Bodies are tested in scenes with bodies, cloth with cloth in scenes with `[self_collision]`. With \
+                  `faces = \"triangles\"` garments have no other diagonal. A run counts later intersections as \
                   `crossings_other_diagonal`.",
         line: "faces = \"triangles\"",
     },
     Rule {
         name: "body_friction",
-        finds: "a body whose `friction` overrides that of the garments' materials",
-        exactly: "Friction is one number per body. Silent where it is the one that the material has, or comes from the \
+        finds: "a body whose `friction` overrides the friction of the garments' materials",
+        exactly: "Friction is one number a body. Silent if it equals the friction of the material, or comes from the \
                   materials.",
         line: "friction = 0.4",
     },
     Rule {
         name: "shape_units",
-        finds: "sizes, positions and paths of shapes and pins that look as if they were in the units of the files",
-        exactly: "Numbers of the scene are in metres with Y up; `[units]` applies to files only. Where `[units]` \
-                  differs, the rule finds lengths more than five times as large as the content of the files (a person, \
-                  if there are none) which are not as large in the unit of the files, and ground that stands upright \
-                  under `up = \"Z\"`. Gravity is compared with the earth's in each unit of length.",
+        finds: "sizes, positions and paths of shapes and pins that seem to be in the units of the files",
+        exactly: "Numbers of the scene are in metres with Y up; `[units]` is for files. If `[units]` says something \
+                  else, the rule finds two things: lengths more than five times as large as the contents of the files \
+                  (a person, without files) that would not be as large in the unit of the files, and ground that \
+                  stands upright under `up = \"Z\"`. Gravity is compared with the earth's in each unit of length.",
         line: "shape = { sphere = { radius = \"25 cm\" } }",
     },
     Rule {
         name: "wind_speed",
-        finds: "a wind that is faster than any gust ever measured, 113 m/s",
-        exactly: "Numbers of the scene are in metres per second; `[units]` applies to files only. `velocity` and \
-                  `keys` are checked, the grid of a `file` is not.",
+        finds: "a wind faster than the fastest gust measured outside a tornado, 113 m/s",
+        exactly: "Velocities of the scene are in metres a second; `[units]` is for files. The rule tests `velocity` \
+                  and `keys`, not the grid of a `file`.",
         line: "velocity = [6, 0, 0]",
     },
     Rule {
         name: "start_speed",
         finds: "a garment that starts faster than 100 m/s",
-        exactly: "Numbers of the scene are in metres per second; `[units]` applies to files only. `velocity` and the \
-                  speed of `random_velocity` count together.",
+        exactly: "Velocities of the scene are in metres a second; `[units]` is for files. `velocity` and the speed of \
+                  `random_velocity` count together.",
         line: "velocity = [0, 0, 2]",
     },
     Rule {
         name: "density",
         finds: "a garment lighter than 5 g/m² or heavier than 20 kg/m²",
         exactly: "A bare number is in kg/m²: 150 is a lead plate, \"150 g/m²\" is a shirt. Gauze has 15 g/m², chain \
-                  mail 10 kg/m². `total_mass` is not checked.",
+                  mail 10 kg/m². `total_mass` is not tested.",
         line: "density = \"150 g/m²\"",
     },
     Rule {
         name: "start_crossed",
         finds: "garments that intersect themselves, each other or a body at the start",
-        exactly: "Edges are tested exactly against triangles, in scenes with `[self_collision]`. Intersections at the \
-                  start never get worse, and are resolved where the solver knows how to separate them; until then they \
-                  stay visible.",
+        exactly: "Scenes with `[self_collision]` are tested exactly, edges against triangles. Intersections at the \
+                  start never increase. They are pulled apart once a direction out is known; until then they remain, \
+                  and show.",
         line: "start = \"coat.abc@990\"",
     },
     Rule {
         name: "start_lengths",
-        finds: "edges of a garment that are three times as long at the start as at rest, or have no length",
-        exactly: "`start`, `jitter` and what pins follow move vertices away from the rest shape. One edge is enough: such an edge pulls \
-                  or pushes harder than any fabric bears.",
+        finds: "edges of a garment that are more than three times as long at the start as at rest, or have no length",
+        exactly: "`start`, `jitter` and the targets of pins move vertices away from the rest shape. One edge is \
+                  enough: it pulls or pushes harder than any fabric bears.",
         line: "start = \"coat.abc@990\"",
     },
     Rule {
         name: "idle_setting",
-        finds: "numbers that change nothing in this scene, because of another setting",
-        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, and `rest` of a body without a \
+        finds: "settings that change nothing in this scene, because of another setting",
+        exactly: "The rule finds `ambient` of `[garment.pressure]` without `gas`, and `rest` of a body without a \
                   pre-roll. Numbers that equal the default are ignored.",
         line: "gas = true",
     },
     Rule {
         name: "unopened_format",
         finds: "no caches, or only caches in formats that no application opens",
-        exactly: "HDF5 is for analysis. Silent where another format is written beside it.",
+        exactly: "HDF5 is for analysis. Silent if another format is written beside it.",
         line: "format = [\"abc\"]",
     },
     Rule {
         name: "render_mesh_distance",
-        finds: "points of a render mesh that are farther than `max_distance` from the cloth at rest, which they follow loosely",
-        exactly: "For a rigid part, its closest point counts. The mesh belongs around the rest shape of the garment, \
-                  in the right units; if it is meant to stand off, `max_distance` sets how far.",
+        finds: "points of a render mesh farther than `max_distance` from the cloth at rest: they follow it only \
+                loosely",
+        exactly: "A rigid part is measured at its closest point. Model the mesh around the rest shape of the garment, \
+                  in the right units. If it is meant to stand off, set `max_distance` to that distance.",
         line: "max_distance = \"4 cm\"",
     },
     Rule {
         name: "render_mesh_layers",
         finds: "edges of a render mesh whose ends are bound to different layers of the cloth, such as front and back",
-        exactly: "Such edges are stretched where the layers part: a point between two layers is closer to the wrong \
-                  one. Edges with an end beyond `max_distance` are not checked.",
+        exactly: "Such edges are stretched when the layers part: one of their points lies between two layers, closer \
+                  to the wrong one. Edges with an end beyond `max_distance` are not tested.",
         line: "file = \"coat_render.abc\"",
     },
     Rule {
         name: "render_mesh_flipped",
-        finds: "a render mesh whose faces point the opposite way to the faces of the cloth",
-        exactly: "Reported if nine tenths of its area do; in a shell with two sides, one half does. Reverse the faces \
-                  of one of the two meshes.",
+        finds: "a render mesh whose faces look to the other side than the faces of the cloth",
+        exactly: "More than nine tenths of its area look to the other side; in a shell with two sides it is a half. \
+                  Reverse the faces of the mesh or of the cloth.",
         line: "file = \"coat_render.abc\"",
     },
 ];

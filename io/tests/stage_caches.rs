@@ -148,7 +148,7 @@ fn what_cannot_be_a_cache_is_refused_by_name_and_nothing_is_left() {
     let cases: [(&str, &str, &[&str]); 3] = [
         ("two.usda", &two, &["2 meshes", "--object", "/set/cloth", "/set/other"]),
         ("changing.usda", &changing, &["/set/cloth", "points"]),
-        ("faces.usda", &faces, &["/set/cloth", "frame 3 has other faces"]),
+        ("faces.usda", &faces, &["/set/cloth", "frame 3 has different faces"]),
     ];
     for (name, text, parts) in cases {
         let from = written(folder.path(), name, text);

@@ -10,8 +10,8 @@ pub const LIMITS: &[(&str, &str)] = &[
     (CROSSINGS_WRITTEN, "intersections of cloth with cloth in the positions stored in the caches"),
     (
         CROSSINGS_OTHER_DIAGONAL,
-        "intersections of cloth with cloth or bodies in the caches where faces are cut along the other diagonal, as renderers may \
-         cut them",
+        "intersections of cloth with cloth or bodies in the caches if faces are cut along the other diagonal, as renderers may cut \
+         them",
     ),
     (
         "zone_fallbacks",
@@ -25,7 +25,7 @@ pub const LIMITS: &[(&str, &str)] = &[
     ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
     ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
     ("edges_overstretched", "edges at the end of a frame that are more than twice as long as at rest"),
-    ("body_pinched", "vertices pinched between bodies from both sides, inside one of them"),
+    ("body_pinched", "vertices between two surfaces of bodies that have passed through one another"),
 ];
 
 /// Counts of what is tried, one after the other, when a step goes wrong, and in words. Those that are [`LIMITS`] too leave a mark in

@@ -326,7 +326,7 @@ fn several_problems_are_reported_at_once() {
             points[0][0] = f32::INFINITY;
         }
     });
-    assert!(text.contains("vertex 0") && text.contains("from frame 1001 to 1002"), "{text}");
+    assert!(text.contains("vertex 0") && text.contains("frames 1001 to 1002"), "{text}");
 }
 
 #[test]

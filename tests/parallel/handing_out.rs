@@ -144,6 +144,6 @@ fn a_mesh_that_changes_while_it_is_read_is_refused_on_every_rank() {
         Scene::distribute(&ranks, given).expect_err("a point is missing").to_string()
     });
     for message in messages.expect("no rank waits for ever") {
-        assert!(message.contains("garment \"second\"") && message.contains("it had 8101 points"), "{message}");
+        assert!(message.contains("garment \"second\"") && message.contains("from 8101 points"), "{message}");
     }
 }

@@ -11,25 +11,25 @@ const NOTE: &str = "
 
 const HEAD: &str = "# Warnings before a run
 
-`drapery check`, `plan` and `run` look at a scene by these rules before anything is simulated. A warning begins with the name of its
-rule, says what it found in which object, and shows the line to write:
+`drapery check`, `plan` and `run` test a scene against these rules before anything is simulated. A warning begins with the name of its
+rule. It names the object and the finding, and shows the line to write:
 
 ```text
 WARN frame_rate: body \"hero\": hero.abc: the file states 24 frames per second, but the shot has 25: their frames do not line up
   help: write fps = \"24\" in [shot]
 ```
 
-A scene that means it so silences the rule; an unknown name is an error, with a suggestion. What is silenced changes
-no result, and a run starts all the same:
+Silence a rule if the scene is meant to be so. An unknown name is an error, with a suggestion. Warnings never stop a run, and
+silencing a rule changes no result:
 
 ```toml
 [check]
 silence = [\"frame_rate\"]
 ```
 
-`check --json` and `plan --json` list them under `warnings`: `rule`, `object`, `message`, `line`; `rule` is null for warnings that no
-rule has, such as broken meshes and jumps of bodies. In the last line of a run they count as warnings; `--strict` does not stop
-for them.
+`check --json` and `plan --json` list warnings under `warnings`, with `rule`, `object`, `message` and `line`. `rule` is null for
+warnings without a rule, such as broken meshes and jumps of bodies. The last line of a run counts them as warnings. `--strict`
+does not stop for them.
 ";
 
 /// The page.

@@ -116,7 +116,11 @@ fn a_render_mesh_in_another_unit_or_without_a_place_is_told_as_such() {
     fs::write(folder.path().join("fine.obj"), square("nan")).unwrap();
     let seen = drapery(folder.path(), &["check", "scene.toml"]);
     assert_eq!(seen.code, Some(65), "{}", seen.stderr);
-    assert!(seen.stderr.contains("render mesh: the position of point 0") && !seen.stderr.contains(": : "), "{}", seen.stderr);
+    assert!(
+        seen.stderr.contains("render mesh: the position of point 0") && !seen.stderr.contains(": : "),
+        "{}",
+        seen.stderr
+    );
 }
 
 #[test]

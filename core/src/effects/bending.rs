@@ -31,7 +31,7 @@ stiffness = "5 N/m""#,
             ..FIELDS[0]
         },
         Field {
-            help: "force of one spring per unit strain; refining the mesh stiffens the cloth; 0.83, a fifth of that of \
+            help: "force of one spring per unit strain; refining the mesh stiffens the cloth; 0.83, a fifth of the value for \
                    `stretch`, in the scenes of Selle et al. (2009)",
             ..FIELDS[1]
         },

@@ -178,7 +178,7 @@ fn skeletons_that_do_not_fit_are_named() {
         (
             "rel skel:skeleton",
             "uniform token[] skel:joints = [\"a\", \"c\"]\n rel skel:skeleton",
-            "its joint c is none",
+            "its joint c does not exist",
         ),
         ("rel skel:skeleton", "uniform token[] skel:blendShapes = [\"smile\"]\n rel skel:skeleton", ""),
     ] {

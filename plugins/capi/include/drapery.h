@@ -41,7 +41,7 @@
 #define DRAPERY_MISSING_INPUT 66
 
 /*
- A fault of Drapery itself. The handle that was used can only be freed.
+ A bug in Drapery itself. The handle that was used can only be freed.
  */
 #define DRAPERY_INTERNAL 70
 

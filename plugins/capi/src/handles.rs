@@ -96,7 +96,7 @@ pub(crate) fn with<K: Kind, H, T>(handle: *const H, work: impl FnOnce(&mut K) ->
             Fault::new(FaultKind::Usage, format!("{what}\n  help: wait for it to return, in callbacks, too"))
         }
         TryLockError::Poisoned(_) => {
-            let what = format!("a fault of Drapery has broken this {}", K::NAME);
+            let what = format!("a bug in Drapery has broken this {}", K::NAME);
             Fault::new(FaultKind::Internal, format!("{what}\n  help: free it, and make another"))
         }
     })?;

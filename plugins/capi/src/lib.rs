@@ -54,7 +54,7 @@ pub const DRAPERY_BAD_INPUT: i32 = 65;
 /// An input file is missing.
 pub const DRAPERY_MISSING_INPUT: i32 = 66;
 
-/// A fault of Drapery itself. The handle that was used can only be freed.
+/// A bug in Drapery itself. The handle that was used can only be freed.
 pub const DRAPERY_INTERNAL: i32 = 70;
 
 /// The machine has too little memory for the shot.

@@ -44,7 +44,7 @@ pub(crate) fn in_use<T>(what: &str, error: &TryLockError<T>) -> PyErr {
             usage(format!("another call uses this {what}\n  help: wait for it to return; one thread at a time"))
         }
         TryLockError::Poisoned(_) => {
-            let text = format!("a fault of Drapery has broken this {what}\n  help: make another");
+            let text = format!("a bug in Drapery has broken this {what}\n  help: make another");
             raised(Fault::new(FaultKind::Internal, text))
         }
     }

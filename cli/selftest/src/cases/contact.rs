@@ -92,7 +92,7 @@ pub(super) const H33: Case = Case {
         let mut figures = Vec::new();
         for (friction, speed) in [(0.0, 0.0), (0.3, 0.0), (0.3, 1.0), (0.8, 1.0), (10.0, 1.0), (10.0, 0.0)] {
             let (way, truth) = slide(bench, friction, slope, speed)?;
-            let what = format!("error of the way at friction {friction} from {speed} m/s [m]");
+            let what = format!("error of the distance at friction {friction} from {speed} m/s [m]");
             figures.push(Figure::at_most(what, (way - truth).abs(), 2e-4 + 0.002 * truth));
         }
         Ok(figures)
@@ -116,7 +116,7 @@ pub(super) const H24: Case = Case {
         let more = counts.windows(2).filter(|w| w[1] > w[0]).count();
         Ok(vec![
             Figure::at_least("intersections at the start", counts[0] as f64, 10.0),
-            Figure::exactly("frames in which they get more", more as f64, 0.0),
+            Figure::exactly("frames with more intersections than before", more as f64, 0.0),
             Figure::exactly("intersections at the end", record.last().crossings as f64, 0.0),
         ])
     },
@@ -149,7 +149,7 @@ pub(super) const H25: Case = Case {
         let record = bench.simulate(&Trial { input, may_cross: true, ..Trial::still(description, 40) })?;
         let left = record.frames.iter().filter(|f| f.summary.frame >= 36).map(|f| f.crossings).max().unwrap_or(0);
         Ok(vec![
-            Figure::at_least("vertices released, in all steps", record.counted("body_pinched"), 1.0),
+            Figure::at_least("pinched vertices, in all steps", record.counted("body_pinched"), 1.0),
             Figure::at_most("largest kinetic energy [J]", record.kinetic(), 0.1),
             Figure::exactly("intersections from 12 frames after it opens", left as f64, 0.0),
         ])
@@ -284,7 +284,11 @@ pub(super) const H28: Case = Case {
         Ok(vec![
             Figure::at_most(format!("kinetic energy after {seconds} s [J]"), at_rest, 1e-6),
             Figure::exactly("neighbours out of order", disorder as f64, 0.0),
-            Figure::at_most("growth of energy, over that of the drop", record.kinetic() / (mass * GRAVITY * 0.1), 1.0),
+            Figure::at_most(
+                "largest kinetic energy over the energy of the drop",
+                record.kinetic() / (mass * GRAVITY * 0.1),
+                1.0,
+            ),
         ])
     },
 };
@@ -306,7 +310,7 @@ pub(super) const H29: Case = Case {
         let disorder = heights.windows(2).filter(|w| w[1] <= w[0]).count();
         Ok(vec![
             Figure::exactly("neighbours out of order over the pole", disorder as f64, 0.0),
-            Figure::at_least("lowest layer over the ball [m]", heights[0], 0.1),
+            Figure::at_least("distance of the lowest layer from the centre of the ball [m]", heights[0], 0.1),
         ])
     },
 };
@@ -333,8 +337,8 @@ pub(super) const H30: Case = Case {
         // Stopped after 0.34 s.
         let truth = 1.0 / (2.0 * 0.3 * GRAVITY);
         Ok(vec![
-            Figure::at_least("way over Coulomb's", way / truth, 0.8),
-            Figure::at_most("the same", way / truth, 1.2),
+            Figure::at_least("distance over Coulomb's", way / truth, 0.8),
+            Figure::at_most("distance over Coulomb's, from above", way / truth, 1.2),
             Figure::exactly("rigid zones", record.counted("zones_rigid"), 0.0),
         ])
     },
@@ -359,8 +363,8 @@ pub(super) const H31: Case = Case {
         let dropped = lines.last().map_or(f64::NAN, |end| end["counts"]["zone_fallbacks"].as_f64().unwrap_or(0.0));
         Ok(vec![
             Figure::exactly("exit code", ended.code(), 0.0),
-            Figure::at_most("resident memory at its peak over that of the first frame", peak / first, 1.5),
-            Figure::exactly("zones that nothing resolved", dropped, 0.0),
+            Figure::at_most("peak of resident memory over the memory at the first frame", peak / first, 1.5),
+            Figure::exactly("unresolved zones", dropped, 0.0),
         ])
     },
 };
@@ -459,7 +463,7 @@ pub(super) const H35: Case = Case {
             let record = bench.simulate(&Trial::still(description, 12))?;
             let centre = record.last().positions[0].iter().map(|x| x.x).sum::<f64>() / 25.0;
             let carried = 0.5 * 0.25 * f64::min(acceleration, 0.4 * GRAVITY);
-            let what = format!("error of the way at {acceleration} m/s² [m]");
+            let what = format!("error of the distance at {acceleration} m/s² [m]");
             figures.push(Figure::at_most(what, (centre - carried).abs(), 0.01 * carried));
         }
         Ok(figures)
@@ -528,12 +532,12 @@ pub(super) const H37: Case = Case {
         Ok(vec![
             Figure::at_most("largest strain", record.strain(), 0.5),
             Figure::at_most(
-                "largest kinetic energy over that at the body's 120 m/s",
+                "largest kinetic energy over the energy at the body's 120 m/s",
                 record.kinetic() / (0.5 * mass * 14400.0),
                 0.1,
             ),
             Figure::at_most(
-                "kinetic energy at the end, over that of a fall of a second",
+                "kinetic energy at the end over the energy of a fall of a second",
                 record.last().summary.kinetic_energy / (0.5 * mass * 96.0),
                 1.0,
             ),

@@ -29,7 +29,7 @@ pub(super) const H11: Case = Case {
         let lowest = |record: &Record| record.last().positions[0].iter().map(|x| x.y).fold(0.0, f64::min);
         // Strain of the narrow cells has no meaning for the eye: what counts is the sheet.
         Ok(vec![Figure::at_most(
-            "lowest vertex over that of the sheet without slivers",
+            "error of the lowest vertex against the sheet without slivers",
             (lowest(&sliver) / lowest(&plain) - 1.0).abs(),
             0.05,
         )])
@@ -46,12 +46,12 @@ fn run_mesh(bench: &Bench<'_>, skirt: &str) -> Result<Ended, String> {
 
 pub(super) const H12: Case = Case {
     id: "H12",
-    title: "faces without area, edges without length, points in one place",
+    title: "faces without area, edges without length, points at one position",
     must: "they are inert, with a message for each; the others move",
     judge: |bench| {
         let mut figures = Vec::new();
         for (what, more) in
-            [("a face without area", "v 4 1 0\nf 1 2 5\n"), ("points in one place", "v 2 1 0\nf 1 5 4\n")]
+            [("a face without area", "v 4 1 0\nf 1 2 5\n"), ("points at one position", "v 2 1 0\nf 1 5 4\n")]
         {
             let ended = run_mesh(bench, &format!("{SKIRT}{more}"))?;
             figures.push(Figure::exactly(format!("exit code, {what}"), ended.code(), 0.0));
@@ -64,7 +64,7 @@ pub(super) const H12: Case = Case {
         figures.push(Figure::at_most("error of the mass", (mass(&odd, 121) / mass(&clean, 121) - 1.0).abs(), 1e-14));
         figures.push(Figure::at_most("distance from the clean mesh [m]", farthest(&clean, &odd), 1e-9));
         let x = &odd.last().positions[0];
-        figures.push(Figure::exactly("what lies on a vertex leaves it by [m]", (x[121] - x[60]).norm(), 0.0));
+        figures.push(Figure::exactly("distance of a merged vertex from its leader [m]", (x[121] - x[60]).norm(), 0.0));
         // Two panels whose common border is there twice, without being sewn: they fall, and do not repel each other.
         let panels = Trial { is_isolated: true, ..Trial::still(two_panels(), 12) };
         let record = bench.simulate(&panels)?;
@@ -157,7 +157,7 @@ pub(super) const H13: Case = Case {
 
 pub(super) const H14: Case = Case {
     id: "H14",
-    title: "faces that are there twice, once the other way round",
+    title: "duplicate faces, one of them flipped",
     must: "accepted with a warning; the same motion as without them",
     judge: |bench| {
         let mut figures = Vec::new();
@@ -213,7 +213,7 @@ pub(super) const H15: Case = Case {
                 farthest(&clean, &odd),
                 1e-9,
             ),
-            Figure::exactly("way of the loose point [m]", (odd.last().positions[0][121] - far).norm(), 0.0),
+            Figure::exactly("displacement of the loose point [m]", (odd.last().positions[0][121] - far).norm(), 0.0),
         ])
     },
 };

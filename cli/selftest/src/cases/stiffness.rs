@@ -37,7 +37,7 @@ pub(super) const H1: Case = Case {
             figures.push(Figure::at_most(format!("strain at {stiffness:e} N/m"), record.strain(), 1e-3));
             let share = record.kinetic() / (0.5 * mass * speed * speed);
             figures.push(Figure::at_most(
-                format!("kinetic energy over that of the fall at {stiffness:e} N/m"),
+                format!("kinetic energy over the energy of the fall at {stiffness:e} N/m"),
                 share,
                 1.01,
             ));
@@ -140,7 +140,7 @@ pub(super) const H5: Case = Case {
         let way = way.fold(0.0, f64::max);
         Ok(vec![
             Figure::at_least("steps of the frame", fine.last().summary.steps as f64, 5000.0),
-            Figure::at_most("distance from steps of 1e-5 s over the way", apart(&fine, &usual) / way, 1e-3),
+            Figure::at_most("difference from steps of 1e-5 s over the displacement", apart(&fine, &usual) / way, 1e-3),
         ])
     },
 };

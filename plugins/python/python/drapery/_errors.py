@@ -57,4 +57,4 @@ class NoMemoryError(DraperyError, MemoryError):
 
 
 class InternalError(DraperyError):
-    """A fault of Drapery; please report it."""
+    """A bug in Drapery; please report it."""
