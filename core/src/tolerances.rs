@@ -76,7 +76,7 @@ pub(crate) const FLAT_TRIANGLE: f64 = 1e-9;
 pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
 
 /// Strains of an edge at the start between which it is taken as meant: below, its ends are in one place up to rounding; above, it is
-/// three times as long as at rest, where the most elastic fabrics break. Guarded by
+/// more than three times as long as at rest, where the most elastic fabrics break. Guarded by
 /// `edges_that_start_collapsed_or_far_too_long_are_counted_and_named_by_any_ranks`.
 pub(crate) const COLLAPSED_AT_START: f64 = -0.999;
 /// The other of the two. Guarded by the same test,

@@ -37,11 +37,11 @@ pub static RULES: [Rule; 19] = [
         name: "up_axis",
         finds: "a body that stands along another axis than `up`, or gravity that does not pull down",
         exactly: "A body contradicts `up` in its first pose if three conditions hold. It is at least twice as high \
-                  along the other axis. Its feet are on the ground there: within a tenth of this height from zero. \
-                  Along `up` it reaches both below and above zero by a fifth of its extent, like the depth of a \
-                  standing figure. A figure that lies, sits or crouches on the ground does not reach below it. \
-                  Gravity, like every number of a scene, counts with Y up in metres; `[units]` is for files. It is \
-                  reported if less than half of it pulls downwards.",
+                  along the other axis as along `up`. Its feet are on the ground there: within a tenth of this height \
+                  from zero. Along `up` it reaches both below and above zero by a fifth of its extent, like the depth \
+                  of a standing figure. A figure that lies, sits or crouches on the ground does not reach below it. \
+                  Gravity, like every number of a scene, counts with Y up in metres; `[units]` applies to files only. \
+                  Gravity is reported if less than half of it pulls downwards.",
         line: "up = \"Z\"",
     },
     Rule {
@@ -56,8 +56,8 @@ pub static RULES: [Rule; 19] = [
         name: "thickness_lowered",
         finds: "garments whose thickness is lowered because edges are short",
         exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex. Silent \
-                  if the scene sets `thickness_clamp`, or if at most one vertex in a hundred is affected. `plan` always \
-                  notes it.",
+                  if the scene sets `thickness_clamp`, or if at most one vertex in a hundred is affected. `plan` \
+                  always notes it.",
         line: "thickness = \"0.8 mm\"",
     },
     Rule {
@@ -75,38 +75,38 @@ pub static RULES: [Rule; 19] = [
         exactly: "Caches hold the faces, and renderers cut them into triangles. The test covers both diagonals of \
                   quads, and for larger faces the fans from the first and the last corner, of garments and of bodies. \
                   Bodies are tested in scenes with bodies, cloth with cloth in scenes with `[self_collision]`. With \
-                  `faces = \"triangles\"` garments have no other diagonal. A run counts later intersections as \
-                  `crossings_other_diagonal`.",
+                  `faces = \"triangles\"` garments have no other diagonal. A run counts later intersections of this \
+                  kind as `crossings_other_diagonal`.",
         line: "faces = \"triangles\"",
     },
     Rule {
         name: "body_friction",
         finds: "a body whose `friction` overrides the friction of the garments' materials",
-        exactly: "Friction is one number a body. Silent if it equals the friction of the material, or comes from the \
+        exactly: "Friction is one number per body. Silent if it equals the friction of the material, or comes from the \
                   materials.",
         line: "friction = 0.4",
     },
     Rule {
         name: "shape_units",
         finds: "sizes, positions and paths of shapes and pins that seem to be in the units of the files",
-        exactly: "Numbers of the scene are in metres with Y up; `[units]` is for files. If `[units]` says something \
-                  else, the rule finds two things: lengths more than five times as large as the contents of the files \
-                  (a person, without files) that would not be as large in the unit of the files, and ground that \
-                  stands upright under `up = \"Z\"`. Gravity is compared with the earth's in each unit of length.",
+        exactly: "Numbers of the scene are in metres with Y up; `[units]` applies to files only. If `[units]` differs, \
+                  the rule finds two things: lengths more than five times as large as the content of the files (a \
+                  person, without files) that would not be as large in the unit of the files, and ground that stands \
+                  upright under `up = \"Z\"`. Gravity is compared with the earth's in each unit of length.",
         line: "shape = { sphere = { radius = \"25 cm\" } }",
     },
     Rule {
         name: "wind_speed",
         finds: "a wind faster than the fastest gust measured outside a tornado, 113 m/s",
-        exactly: "Velocities of the scene are in metres a second; `[units]` is for files. The rule tests `velocity` \
-                  and `keys`, not the grid of a `file`.",
+        exactly: "Velocities of the scene are in metres per second; `[units]` applies to files only. The rule checks \
+                  `velocity` and `keys`, not the grid of a `file`.",
         line: "velocity = [6, 0, 0]",
     },
     Rule {
         name: "start_speed",
         finds: "a garment that starts faster than 100 m/s",
-        exactly: "Velocities of the scene are in metres a second; `[units]` is for files. `velocity` and the speed of \
-                  `random_velocity` count together.",
+        exactly: "Velocities of the scene are in metres per second; `[units]` applies to files only. `velocity` and \
+                  the speed of `random_velocity` count together.",
         line: "velocity = [0, 0, 2]",
     },
     Rule {
@@ -120,8 +120,8 @@ pub static RULES: [Rule; 19] = [
         name: "start_crossed",
         finds: "garments that intersect themselves, each other or a body at the start",
         exactly: "Scenes with `[self_collision]` are tested exactly, edges against triangles. Intersections at the \
-                  start never increase. They are pulled apart once a direction out is known; until then they remain, \
-                  and show.",
+                  start never increase. They are resolved once the solver knows a direction out; until then they \
+                  remain visible.",
         line: "start = \"coat.abc@990\"",
     },
     Rule {
@@ -134,7 +134,7 @@ pub static RULES: [Rule; 19] = [
     Rule {
         name: "idle_setting",
         finds: "settings that change nothing in this scene, because of another setting",
-        exactly: "The rule finds `ambient` of `[garment.pressure]` without `gas`, and `rest` of a body without a \
+        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, and `rest` of a body without a \
                   pre-roll. Numbers that equal the default are ignored.",
         line: "gas = true",
     },
@@ -156,14 +156,14 @@ pub static RULES: [Rule; 19] = [
         name: "render_mesh_layers",
         finds: "edges of a render mesh whose ends are bound to different layers of the cloth, such as front and back",
         exactly: "Such edges are stretched when the layers part: one of their points lies between two layers, closer \
-                  to the wrong one. Edges with an end beyond `max_distance` are not tested.",
+                  to the wrong one. Edges with an end beyond `max_distance` are not checked.",
         line: "file = \"coat_render.abc\"",
     },
     Rule {
         name: "render_mesh_flipped",
-        finds: "a render mesh whose faces look to the other side than the faces of the cloth",
-        exactly: "More than nine tenths of its area look to the other side; in a shell with two sides it is a half. \
-                  Reverse the faces of the mesh or of the cloth.",
+        finds: "a render mesh whose faces point the opposite way to the faces of the cloth",
+        exactly: "Reported if more than nine tenths of its area do. A shell with two sides has one half that does, and \
+                  is not reported. Reverse the faces of one of the two meshes.",
         line: "file = \"coat_render.abc\"",
     },
 ];

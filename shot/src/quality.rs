@@ -10,22 +10,26 @@ pub const LIMITS: &[(&str, &str)] = &[
     (CROSSINGS_WRITTEN, "intersections of cloth with cloth in the positions stored in the caches"),
     (
         CROSSINGS_OTHER_DIAGONAL,
-        "intersections of cloth with cloth or bodies in the caches if faces are cut along the other diagonal, as renderers may cut \
-         them",
+        "intersections of cloth with cloth or bodies in the caches if faces are cut along the other diagonal, as renderers may \
+         cut them",
     ),
     (
         "zone_fallbacks",
-        "collisions that no impact zone could resolve: the cloth was reset to its last collision-free \
+        "collisions that no impact zone could resolve; the cloth there was reset to its last collision-free \
          positions",
     ),
     ("cg_short", "velocity solves that did not converge to their tolerance"),
-    ("retried_held", "collision steps in which vertices were held in place, because no other retry succeeded"),
+    ("retried_held", "collision steps in which vertices were held in place, because every other retry failed"),
     ("pairs_pinched", "contacts of cloth dropped because a body or pinned vertices pinch the cloth"),
     ("pins_behind", "pinned vertices that lagged behind their targets"),
     ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
     ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
     ("edges_overstretched", "edges at the end of a frame that are more than twice as long as at rest"),
-    ("body_pinched", "vertices between two surfaces of bodies that have passed through one another"),
+    (
+        "body_pinched",
+        "vertices between two surfaces of bodies that have passed through one another; they follow the surfaces \
+         without contact",
+    ),
 ];
 
 /// Counts of what is tried, one after the other, when a step goes wrong, and in words. Those that are [`LIMITS`] too leave a mark in
@@ -43,7 +47,7 @@ pub const RETRIES: &[(&str, &str)] = &[
 /// steps have fewer.
 pub const INEXACT: &[(&str, &str)] = &[(
     "friction_unsettled",
-    "steps in which friction on bodies is not exact; a larger solver.steps_per_frame makes them shorter",
+    "steps in which friction on bodies is not exact; a larger solver.steps_per_frame makes the steps shorter",
 )];
 
 /// Whether a count is one that a result answers for.

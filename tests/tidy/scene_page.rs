@@ -41,32 +41,32 @@ the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there
 
 const HEAD: &str = "# The scene file
 
-The file is TOML. Bold keys have to be given. An unknown key is an error that names the line and suggests the right word.
-Positions, velocities and times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files.
-Where a key takes a number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
-ends included; a number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Files
-are looked for from the folder of the scene file.
+The file is TOML. Bold keys are required. An unknown key is an error that names the line and suggests the right word.
+Positions, velocities and times are in metres, metres per second and seconds with Y up; `[units]` applies to the mesh files.
+A value of the kind \"number or text\" is a number, or a text with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
+ends included. A number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Paths of
+files are relative to the folder of the scene file.
 ";
 
 const BODIES: &str = "
 ## Thickness of bodies
 
-Cloth is kept off a body at its vertices. Between them a face of cloth cuts into a curved body, and so do the body's own faces below
-its vertices. A body from a file whose scene says no `thickness` has what keeps both from showing, whichever diagonal a renderer takes:
+Contact keeps the vertices of cloth off a body. Between them a face of cloth cuts into a curved body, and the body's own faces lie
+below its vertices. If the scene sets no `thickness`, a body from a file gets one that hides both, along either diagonal of the faces:
 
 ```text
 (h² + b²) κ / 8     at an edge between two faces of the body; h sin θ / 2 where h < b and that is less; at most 0.1 / κ
 ```
 
-* `h`: the smallest circle around a face of cloth, its diameter; 95 % of the garment's area have a smaller one. The coarsest garment counts.
-* `b`: the same of the larger of the body's two faces.
-* `θ`, `κ`: the angle between these faces, and θ over the distance of their middles, the curvature. Edges sharper than 60° do not count.
-* The thickness is the largest of these that 95 % of the body's area do not exceed, in its first frame, in steps of 0.01 mm; and the
-  largest thickness of the garments' materials, where that is more.
+* `h`: diameter of the smallest circle around a face of cloth; 95 % of the garment's area have a smaller one. The coarsest garment counts.
+* `b`: the same diameter for the larger of the body's two faces.
+* `θ`, `κ`: angle between these faces; curvature, θ over the distance of their centres. Edges sharper than 60° do not count.
+* The thickness is the value that 95 % of the body's area do not exceed, in its first frame, in steps of 0.01 mm. It is at least the
+  largest thickness of the garments' materials.
 
-A tenth of the radius of curvature is the most: cloth that needs more, as on a finger, does not lie on the body but wraps around it,
-and only a finer mesh helps. `drapery plan` says both numbers, `check` warns of bodies that are thinner
-([`thin_body`](warnings.md)), and `resolved.toml` has the number. Shapes such as `sphere` have the thickness of the materials.
+The maximum is a tenth of the radius of curvature. Cloth that needs more, as on a finger, wraps around the body instead of lying on
+it; only a finer mesh helps. `drapery plan` shows both numbers, `check` warns of thinner bodies ([`thin_body`](warnings.md)), and
+`resolved.toml` holds the number. Shapes such as `sphere` have the thickness of the materials.
 ";
 
 fn is_effect(key: &str) -> bool {
@@ -242,11 +242,11 @@ fn one_line(text: &str) -> String {
 
 fn materials() -> String {
     let mut text = String::from(
-        "\n## Materials\n\nWords for `garment.material`, which asks for `stretch` and `dihedral_bending`. Where each number comes \
-         from\nis printed by `drapery materials`; what they make of a drape test is in [materials](../guide/materials.md). \
-         `[garment.membrane]`\ntakes warp, weft and shear in the place of stretch, and `[garment.strain_limit]` the \
-         largest strain. A garment that\nwrites `[garment.bending]` has springs instead of `dihedral_bending`. Other \
-         words are those of [material files](config.md).\n\n| word | | kg/m² | thickness | stretch | warp | weft | shear \
+        "\n## Materials\n\nWords for `garment.material`, which asks for `stretch` and `dihedral_bending`. `drapery materials` prints \
+         the source of each\nnumber; [materials](../guide/materials.md) has their drape tests. `[garment.membrane]` \
+         takes warp, weft and shear instead of stretch, and\n`[garment.strain_limit]` the largest strain. A garment with \
+         `[garment.bending]` has springs instead of `dihedral_bending`.\n[Material files](config.md) add other \
+         words.\n\n| word | | kg/m² | thickness | stretch | warp | weft | shear \
          | bending | largest strain | damping ratio | friction |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for m in PRESETS {
@@ -274,7 +274,7 @@ fn materials() -> String {
 fn curves() -> String {
     let mut text = String::from(
         "\n### Force by strain\n\nIn long steps (`integrator = \"tr_bdf2\"`) garments with an `extension` stiffen as they are pulled, here as springs: force \
-         per width at shares of the\nlargest strain ([where it comes from](../guide/materials.md#force-by-strain)).\n\n| word | largest \
+         per width at shares of the\nlargest strain ([source](../guide/materials.md#force-by-strain)).\n\n| word | largest \
          strain | at a quarter of it | at half | at three quarters | there | linearity |\n|---|---|---|---|---|---|---|\n",
     );
     for m in PRESETS {

@@ -78,8 +78,8 @@ pub(super) fn retries(run: &RunFolder) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let note = "<p>A collision step that fails is rolled back and retried with more careful settings. A step that succeeds on a \
-                retry has full quality; effects on the result are listed under Degradations.</p>";
+    let note = "<p>A collision step that fails is rejected and retried, each time more carefully. A step that succeeds on a \
+                retry is as good as any other; marks in the result are listed under Degradations.</p>";
     let heads = [
         words("count"),
         words("action"),

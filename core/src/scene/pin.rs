@@ -180,7 +180,7 @@ described! { PinDescription as pin {
     "until", pin.until => Time, default Number(f64::INFINITY), range (f64::NEG_INFINITY, f64::INFINITY),
         "active until this time, since the first frame";
     "mode", pin.hold.mode() => None, default Choice("hard", PinMode::WORDS), range (0.0, 0.0),
-        "how it holds";
+        "kind of hold";
     "stiffness", pin.hold.spring().map(|[stiffness, _]| stiffness) => Stiffness, default Absent, range (1e-12, 1e10),
         "with `mode = \"spring\"`: stiffness, for example \"200 N/m\"";
     "damping_ratio", pin.hold.spring().map(|[_, damping_ratio]| damping_ratio) => None, default Conditional(1.0), range (0.0, 1e3),

@@ -37,10 +37,10 @@ described! { SeamDescription as seam {
     "damping_ratio", seam.damping_ratio => None, default Number(1.0), range (0.0, 1e3),
         "damping as a fraction of critical";
     "rest_gap", seam.rest_gap => Length, default Absent, range (0.0, 1e3),
-        "gap that is left when closed; left out, the larger thickness of the garments if cloth touches cloth in this \
+        "gap of the closed seam; left out, the larger thickness of the garments if cloth touches cloth in this \
          scene, otherwise zero";
     "start", seam.from => Time, default Absent, range (-FARTHEST, FARTHEST),
-        "when it starts to close, since the first frame; left out, when the simulation starts";
+        "start of closing, since the first frame; left out, the start of the simulation";
     "closed", seam.until => Time, default Absent, range (-FARTHEST, FARTHEST),
-        "when it is closed, since the first frame; left out, at the end of the pre-roll, or a second after the start if there is none";
+        "end of closing, since the first frame; left out, the end of the pre-roll, or a second after the start without one";
 } }

@@ -36,7 +36,7 @@ pub(crate) fn guarded(error: *mut *mut drapery_error, work: impl FnOnce() -> Res
         Ok(Err(fault)) => fault,
         Err(panic) => Fault::new(
             FaultKind::Internal,
-            format!("this is a bug in Drapery; please report it with these words: {}", words(&*panic)),
+            format!("this is a bug in Drapery; please report it with this text: {}", words(&*panic)),
         ),
     };
     let code = fault.kind as i32;

@@ -37,7 +37,7 @@ pub(crate) fn usage(text: impl Into<String>) -> PyErr {
     raised(Fault::new(FaultKind::Usage, text))
 }
 
-/// An exception for something that another call uses, or that a fault has broken.
+/// An exception for something that another call uses, or that a bug has broken.
 pub(crate) fn in_use<T>(what: &str, error: &TryLockError<T>) -> PyErr {
     match error {
         TryLockError::WouldBlock => {

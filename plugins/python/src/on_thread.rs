@@ -89,7 +89,7 @@ pub(crate) fn on_thread<T: Send>(py: Python<'_>, work: impl FnOnce(&Caller) -> R
                 Ok(result) => result.map_err(raised),
                 Err(panic) => Err(raised(Fault::new(
                     FaultKind::Internal,
-                    format!("this is a bug in Drapery; please report it with these words: {}", words(&*panic)),
+                    format!("this is a bug in Drapery; please report it with this text: {}", words(&*panic)),
                 ))),
             }
         })

@@ -27,8 +27,8 @@ fn of_setting(key: &str, value: &SettingValue) -> Option<Finding> {
     (fastest > FASTEST_GUST).then(|| Finding {
         object: WIND.to_owned(),
         message: format!(
-            "`{key}` reaches {fastest:.0} m/s, faster than any gust measured outside a tornado ({FASTEST_GUST} m/s); numbers of a \
-             scene are in metres per second, `[units]` applies to files only"
+            "`{key}` reaches {fastest:.0} m/s, faster than any gust measured outside a tornado ({FASTEST_GUST} m/s); \
+             numbers of a scene are in metres per second, `[units]` applies to files only"
         ),
         line: format!("`{key}` in m/s: a hundredth of this number, if meant in cm/s"),
     })

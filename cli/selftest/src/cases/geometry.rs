@@ -64,7 +64,11 @@ pub(super) const H12: Case = Case {
         figures.push(Figure::at_most("error of the mass", (mass(&odd, 121) / mass(&clean, 121) - 1.0).abs(), 1e-14));
         figures.push(Figure::at_most("distance from the clean mesh [m]", farthest(&clean, &odd), 1e-9));
         let x = &odd.last().positions[0];
-        figures.push(Figure::exactly("distance of a merged vertex from its leader [m]", (x[121] - x[60]).norm(), 0.0));
+        figures.push(Figure::exactly(
+            "distance of a coincident vertex from the one it follows [m]",
+            (x[121] - x[60]).norm(),
+            0.0,
+        ));
         // Two panels whose common border is there twice, without being sewn: they fall, and do not repel each other.
         let panels = Trial { is_isolated: true, ..Trial::still(two_panels(), 12) };
         let record = bench.simulate(&panels)?;

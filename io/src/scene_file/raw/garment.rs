@@ -15,8 +15,8 @@ pub(in crate::scene_file) const MAX_RESOLUTION: u32 = 20_000;
 /// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
 pub(in crate::scene_file) const LARGEST_LEAF: f64 = 100.0;
 
-/// A garment: a mesh from a file or a generated one, what it weighs, what holds it. Tables of effects
-/// (`[garment.stretch]`, `[garment.bending]`) say how it resists.
+/// A garment: a mesh from a file or a generated one, its mass and its pins. Tables of effects
+/// (`[garment.stretch]`, `[garment.bending]`) set its resistance.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Garment {
@@ -31,7 +31,7 @@ pub(in crate::scene_file) struct Garment {
     /// Pose in which it starts, from a file with the same points, as "file.abc@frame"; the rest shape if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) start: Option<String>,
-    /// Units of its files, if they differ from `[units]`, or from what they say themselves and is wrong.
+    /// Units of its files, if they differ from `[units]`, or if the files state wrong ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// A rectangular panel.
@@ -55,7 +55,7 @@ pub(in crate::scene_file) struct Garment {
     /// Random displacement of the start positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) jitter: Option<Jitter>,
-    /// Preset material, or one from a file; what the garment says itself overrides it.
+    /// Preset material, or one from a file. Settings of the garment override it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) material: Option<String>,
     /// Mass per area, in kg/m² or as "150 g/m²".
@@ -67,7 +67,7 @@ pub(in crate::scene_file) struct Garment {
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub(in crate::scene_file) total_mass: Option<f64>,
     /// Distance that `self_repulsion` keeps between its layers and from other garments, in metres or as "0.5 mm"; lowered
-    /// where edges are short. Left out: that of the material, or 0.5 mm.
+    /// where edges are short. Left out: the thickness of the material, or 0.5 mm.
     #[serde(default = "default_thickness")]
     #[schemars(range(min = 1e-9, max = LARGEST_THICKNESS))]
     pub(in crate::scene_file) thickness: Quantity,
@@ -89,14 +89,14 @@ pub(in crate::scene_file) struct Garment {
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
-    /// The mesh that is rendered in its place; it follows the cloth and has caches of its own.
+    /// The mesh that is rendered instead; it follows the cloth and has its own caches.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) render_mesh: Option<RenderMesh>,
 }
 
 /// The mesh that is rendered in the place of a garment: finer, with thickness, seams, buttons and layers, modelled on the rest shape
-/// of the garment. Every point is bound to the closest point of the cloth at rest and follows it with a frame that turns smoothly
-/// from place to place (docs/howto/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
+/// of the garment. Every point is bound to the closest point of the cloth at rest. It follows the cloth with a frame that turns smoothly
+/// from point to point (docs/howto/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
 /// format of `[output]`, with normals; other attributes of the mesh are copied to the caches.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -106,7 +106,7 @@ pub(in crate::scene_file) struct RenderMesh {
     /// Pattern of the path of its mesh in the file, as in "/char/skirt_render/*"; several meshes are merged into one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) path: Option<String>,
-    /// Units of the file, if they differ from `[units]`, or from what it says itself and is wrong.
+    /// Units of the file, if they differ from `[units]`, or if the file states wrong ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// Points that are farther from the cloth at rest give a warning, in metres or as "2 cm".
@@ -406,7 +406,7 @@ pub(in crate::scene_file) enum Axis {
     Z,
 }
 
-/// Vertices that are held. Say which (`vertices`, `corners`, `nodes`, `where`, `map` or `file`), and what they follow.
+/// Vertices that are held. One of `vertices`, `corners`, `nodes`, `where`, `map` and `file` selects them, `to` their target.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Pin {
@@ -500,7 +500,7 @@ pub(in crate::scene_file) const BIND: Field = Field {
     dimension: Dimension::None,
     default: settings::Default::Choice("auto", Bind::WORDS),
     range: (0.0, 0.0),
-    help: "with `to = \"body:…\"`: how it is bound; a vertex that is farther from the body than three of its edges and ten \
+    help: "with `to = \"body:…\"`: its binding; a vertex that is farther from the body than three of its edges and ten \
            thicknesses, or than 5 cm, gives a warning",
 };
 

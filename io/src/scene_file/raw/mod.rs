@@ -32,7 +32,7 @@ pub(in crate::scene_file) struct Document {
     pub(in crate::scene_file) drapery: u32,
     /// Name, frame rate and frames.
     pub(in crate::scene_file) shot: Shot,
-    /// Units of the input files, and of the output. Needed as soon as a file is read that does not say them itself: USD does.
+    /// Units of the input files, and of the output. Required with files that do not state them; USD files need none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// Time integration. Leave it out unless a shot needs it.
@@ -44,7 +44,7 @@ pub(in crate::scene_file) struct Document {
     /// Garments, in the order of the output.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) garment: Vec<Garment>,
-    /// Vertices that are drawn together.
+    /// Vertices that seams draw together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) seam: Vec<Seam>,
     /// Choice among the effects that the scene asks for. Leave it out to run them all.
@@ -107,8 +107,8 @@ pub(in crate::scene_file) struct Shot {
     /// Frames simulated before the first one.
     #[serde(default)]
     pub(in crate::scene_file) preroll: Preroll,
-    /// Origin of the shot, [x, y, z]: caches count positions from there and say so by a transform. "auto" is the middle
-    /// of the garments at their start in whole metres where that is farther than 1 km along an axis, and otherwise the origin.
+    /// Origin of the shot, [x, y, z]: caches count positions from there and hold it as a transform. "auto" is the middle of the
+    /// garments at their start, in whole metres, if it is farther than 1 km along an axis. Otherwise it is the origin.
     #[serde(default = "automatic_origin")]
     pub(in crate::scene_file) origin: Origin,
 }
@@ -167,17 +167,17 @@ pub(in crate::scene_file) struct Body {
     /// With `file`: the pose in which the cloth settles, as "file.abc@frame"; needed to blend in the pre-roll.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rest: Option<String>,
-    /// With `file`: units of this file, if they differ from `[units]`, or from what it says itself and is wrong.
+    /// With `file`: units of this file, if they differ from `[units]`, or if the file states wrong ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
-    /// With `shape`: where it stands.
+    /// With `shape`: its position.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) position: Option<[f64; 3]>,
-    /// With `shape`: how it is turned.
+    /// With `shape`: its rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rotation: Option<Rotation>,
-    /// With `shape`: how it spins.
+    /// With `shape`: its steady rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) spin: Option<Spin>,
 }
@@ -189,7 +189,7 @@ pub(in crate::scene_file) struct Spin {
     /// Angular velocity about world axes in rad/s.
     #[schemars(inner(range(min = -1e5, max = 1e5)))]
     pub(in crate::scene_file) angular_velocity: [f64; 3],
-    /// When it starts, in seconds since the first frame.
+    /// Start of the rotation, in seconds since the first frame.
     #[serde(default)]
     #[schemars(range(min = -1e9, max = 1e9))]
     pub(in crate::scene_file) from: f64,
@@ -201,22 +201,22 @@ pub(in crate::scene_file) struct Spin {
 pub(in crate::scene_file) struct Output {
     /// Formats: "abc" (Alembic), "h5" (HDF5), "usd" (USD).
     pub(in crate::scene_file) format: Vec<Format>,
-    /// Whether velocities are stored, for motion blur.
+    /// Stores velocities, for motion blur.
     pub(in crate::scene_file) velocities: bool,
     /// Samples of a frame in Alembic and USD, at equal distances over the shutter; 1 by default, the frame alone. A step of the
-    /// solver ends at each of them. Frames are among the samples whether the shutter meets them or not; before the first frame
-    /// and after the last there are none.
+    /// solver ends at each of them. Frames are always among the samples, also outside the shutter. There are none before the first
+    /// frame and after the last.
     #[schemars(range(min = 1, max = 33))]
     #[serde(skip_serializing_if = "is_one")]
     pub(in crate::scene_file) samples: u32,
-    /// When the shutter opens and closes, in frames from the frame; at most one frame long. By default [-0.25, 0.25].
+    /// Opening and closing of the shutter, in frames from the frame; at most one frame apart. By default [-0.25, 0.25].
     #[schemars(inner(range(min = -1, max = 1)))]
     #[serde(skip_serializing_if = "is_usual_shutter")]
     pub(in crate::scene_file) shutter: [f64; 2],
-    /// Whether the frames of the pre-roll are written too; not by default.
+    /// Writes the frames of the pre-roll, too; not by default.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) preroll: bool,
-    /// Whether a run that is done also writes the whole shot as one binary USD file, SHOT.usdc beside SHOT.usda; not by default.
+    /// Writes the whole shot as one binary USD file at the end of a run, SHOT.usdc beside SHOT.usda; not by default.
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,

@@ -38,7 +38,7 @@ pub(in crate::scene_file) const PAIRING: Field = Field {
     help: "how the sides are paired",
 };
 
-/// Vertices of one side of a seam. Say which by one of `vertices`, `corners`, `nodes` and `where`.
+/// Vertices of one side of a seam. One of `vertices`, `corners`, `nodes` and `where` selects them.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct SeamSide {
