@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from howto import Run, frames_of
 from judges import ROOT, SHARED
 
 
@@ -107,6 +108,29 @@ def mannequin(make_mannequin):
 def dressed(run_scene, mannequin):
     """Output folder of the first half second of the dressed mannequin."""
     return run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1013", assets=mannequin)
+
+
+@pytest.fixture(scope="session")
+def howto_assets(tmp_path_factory):
+    """Folder with the mannequin and the coat, as the how-to pages make them."""
+    folder = tmp_path_factory.mktemp("howto_assets")
+    for made in (["mannequin", "--resolution", "0.5", "--frames", "1001-1025"], ["coat"]):
+        command = [program("DRAPERY_ASSETS", "drapery-assets"), *made, "--out", str(folder)]
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run_howto(run_scene, howto_assets):
+    """Runs a scene over its own frames or others, and reads it: `run_howto(scene, "0-4", **{"output.samples": 3})`."""
+
+    def run(scene, frames=None, **settings):
+        if "$assets" in (ROOT / scene).read_text():
+            settings["assets"] = howto_assets
+        return Run(run_scene(str(scene), frames or "-".join(map(str, frames_of(scene))), **settings))
+
+    return run
 
 
 @pytest.fixture(scope="session")
