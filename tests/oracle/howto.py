@@ -1,4 +1,4 @@
-"""What the tests of the how-to pages ask of a run: its scene, pins and records, and measures of its cloth."""
+"""Runs of how-to scenes for their tests: scene, pins, records, and measures of the cloth."""
 
 import json
 import re
@@ -34,7 +34,7 @@ def fenced(name, language, number=0):
 
 
 def said(command, *arguments, code=0):
-    """What a command of `drapery` prints."""
+    """Returns the output of a command of `drapery`."""
     done = subprocess.run([DRAPERY, command, *map(str, arguments)], capture_output=True, text=True, stdin=subprocess.DEVNULL)
     assert done.returncode == code, f"{done.returncode}: {done.stdout}{done.stderr}"
     return done.stdout + done.stderr
@@ -111,7 +111,7 @@ class Bound:
         self.weights = igl.barycentric_coordinates(np.ascontiguousarray(nearest), a, b, c)
 
     def places(self, time):
-        """Where the nearest points are at another time."""
+        """Returns the positions of the nearest points at another time."""
         return np.einsum("ij,ijk->ik", self.weights, self.body.vertices(time)[self.corners])
 
 

@@ -73,7 +73,7 @@ def draped(run_howto):
 
 
 def test_silk_has_the_most_folds_and_leather_the_fewest(draped, report_figure):
-    """By the share of edges that are folded by more than 40 degrees, over the last quarter second."""
+    """Compares the share of edges that are folded by more than 40 degrees, over the last quarter second."""
     shares = []
     for run in draped.values():
         x, triangles = run.positions("square"), run.caches["square"]["triangles"]
