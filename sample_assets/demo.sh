@@ -28,11 +28,11 @@ for cache in "$out"/*.abc; do
     garments+=(--garment "$cache")
 done
 .venv/bin/python tests/oracle/render_contact_sheet.py --body "$assets/body.abc" "${garments[@]}" \
-    --frames 1001,1020,1039,1058,1077,1097 --out "$out/contact_sheet.png"
+    --frames 1001,1020,1039,1058,1077,1097 --out "$out/contact_sheet.jpg"
 
 echo
 echo "caches:   $(printf '%s ' "$PWD/$out"/*.abc)"
-echo "picture:  $PWD/$out/contact_sheet.png"
+echo "picture:  $PWD/$out/contact_sheet.jpg"
 echo "to load them in Blender, paste this into its Python console:"
 printf 'for f in ['
 for cache in "$PWD/$assets/body.abc" "$PWD/$out"/*.abc; do

@@ -171,7 +171,7 @@ def test_the_cape_stays_outside_the_body_and_does_not_cross_itself(cape, report_
 def test_a_collar_farther_than_5_cm_gives_a_warning(howto_assets):
     scene = ROOT / HOWTO / "cape.toml"
     center = tomllib.loads(scene.read_text())["garment"][0]["panel"]["center"]
-    settings = ["--set", f"assets={howto_assets}", "--set", "resolution=12"]
+    settings = ["--set", f"assets={howto_assets}", "--set", "resolution=20"]
     warning = re.compile(r"garment \"cape\": vertices .* pinned to .*body \"mannequin\".* far")
     assert not warning.search(said("check", scene, *settings))
     farther = [center[0], center[1], center[2] - 0.1]

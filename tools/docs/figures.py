@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Writes the diagrams of the pages of theory, docs/pictures/collision_step.svg and coulomb.svg: `make figures`. Needs Python alone."""
+"""Writes the diagrams of the pages of theory, docs/pictures/collision_step.svg, time_step.svg and
+coulomb.svg: `make figures`. Needs Python alone."""
 
 from pathlib import Path
 
@@ -46,6 +47,30 @@ def collision_step():
     return svg(800, 290, "A collision step: A, K time steps of eight lines, C", parts)
 
 
+def time_step():
+    """The lines of a step over its time: which moment the velocities and positions of each belong to."""
+    left, middle, right, top = 120, 400, 680, 66
+    parts = [f'<path d="M{x} {top - 18}V330" stroke="#ccc" stroke-dasharray="4 4"/>' for x in (left, middle, right)]
+    parts += [text(x, top - 28, words) for x, words in ((left, "t"), (middle, "t + dt/2"), (right, "t + dt"))]
+    parts += [text(left, 20, "A before", RED, size=12), text(right, 20, "C after", RED, size=12)]
+    rows = [("B.1", left, middle, "velocity, half a step: v to v½", BLUE), ("B.2", middle, middle, "repulsion with springs, limit on strain: v½", RED),
+            ("B.3", left, right, "positions with v½: x to x + dt v½", BLUE), ("B.4", right, right, "bodies: positions x', and v*", GREEN),
+            ("B.5", left, middle, "velocity anew, forces at x̄: v* to v½", BLUE),
+            ("B.6", middle, right, "extrapolate: v' = 2 v½ − v*", BLUE), ("B.7", right, right, "bodies: friction, v'", GREEN),
+            ("B.8", right, right, "repulsion without springs, B.7 again, limit on strain: v'", RED)]
+    for index, (name, begin, end, words, colour) in enumerate(rows):
+        y = top + 8 + 32 * index
+        parts.append(text(20, y + 5, name, colour, "start", 15))
+        if end > begin:
+            parts.append(f'<path d="M{begin} {y}H{end - 2}m-7 -5l7 5l-7 5" stroke="{colour}" stroke-width="2.5" fill="none"/>')
+            parts.append(text((begin + end) / 2, y - 6, words, size=12))
+        else:
+            parts.append(f'<circle cx="{end}" cy="{y}" r="6" fill="{colour}"/>')
+            parts.append(text(end + (14 if end == middle else -14), y + 4, words, anchor="start" if end == middle else "end", size=12))
+    parts.append(text(400, 352, "blue: motion of the cloth; red: cloth with cloth; green: cloth with bodies; A and C enclose K such steps", size=12))
+    return svg(800, 366, "A time step: the lines B.1 to B.8 over its time, between A and C", parts)
+
+
 def coulomb():
     """Tangential speed after a contact by that before it: w_t' = max(0, 1 - mu J / |w_t|) w_t."""
     left, bottom, scale = 60.0, 305.0, 60.0
@@ -68,7 +93,7 @@ def coulomb():
 
 
 def main():
-    for name, picture in (("collision_step", collision_step()), ("coulomb", coulomb())):
+    for name, picture in (("collision_step", collision_step()), ("time_step", time_step()), ("coulomb", coulomb())):
         (PICTURES / f"{name}.svg").write_text(picture)
         print(f"written: docs/pictures/{name}.svg")
 

@@ -1,263 +1,236 @@
 #!/usr/bin/env python3
-"""Simulates the scenes of the how-to pages and renders the picture of each with Blender, into docs/pictures/howto; puts all of them
-on one sheet, docs/pictures/howto.png.
+"""Simulates the scenes of the how-to pages and renders the picture of each with Blender, into docs/pictures/howto, and the demo's sheet,
+docs/pictures/demo.jpg; puts all of them on one sheet, docs/pictures/howto.jpg.
 
 Called by `make pictures`, which has built the commands. Arguments: names of pictures, or `sheet` for the sheet of those that are there;
 all if there are none. Needs no display.
 """
 
 import argparse
-import math
 import os
-import re
-import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "oracle")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "oracle"), str(Path(__file__).parent)]
 
 import bpy  # noqa: E402
-import numpy as np  # noqa: E402
 from PIL import Image, ImageDraw, ImageFont  # noqa: E402
 
-import blender_session  # noqa: E402
-import farm  # noqa: E402
-import render_contact_sheet as sheet  # noqa: E402
-from measure.runs import MPI  # noqa: E402
+import picture_plots as plots  # noqa: E402
+import picture_props as props  # noqa: E402
+import studio  # noqa: E402
 
 PICTURES = ROOT / "docs" / "pictures" / "howto"
 HOWTO, SAMPLES = ROOT / "sample_assets" / "howto", ROOT / "sample_assets" / "scenes"
 BODY = "body.abc"
 
 
-def shot(scene, frames, *, body=None, settings=(), shapes=(), hide=(), turn=30.0, label=None, window=None, blur=False,
-         processes=1, stop_at=None):
-    """Description of a picture: a scene, the frames to show, the body's file or shapes to draw, and the direction of the view.
+def shot(scene, frames, looks, *, body=None, settings=(), add=(), hide=(), turn=30.0, tilt=8.0, label=None, window=None, middle=None,
+         floor=None, size=(480, 640), blur=False, maps=None, until=None, run=None):
+    """Description of a picture: a scene, the frames to show, fabric by garment, the body's file, and the direction of the view.
 
-    `label` is a text for all panels or one for each frame. `window` is the height that is seen and the height of its middle [m],
-    where shots are to compare. A run that is stopped once it has done the frame `stop_at` is resumed by the same command.
+    `window` is the height that is seen and the height of its middle [m], where shots are to compare or the view is close; `middle` is
+    then the place (x, y of Blender) that is looked at, else the middle of what is seen. `label` is a text for all panels or one for each
+    frame. `add` are things that the picture needs and the scene has not, by name in `picture_props.py`. `run` is the number of the shot
+    of the same picture whose run it shows.
     """
-    return {"scene": scene, "frames": frames, "body": body, "settings": settings, "shapes": shapes, "hide": hide,
-            "turn": turn, "label": label, "window": window, "blur": blur, "processes": processes, "stop_at": stop_at}
+    return {"scene": scene, "frames": frames, "looks": looks, "body": body, "settings": settings, "add": add, "hide": hide, "turn": turn,
+            "tilt": tilt, "label": label, "window": window, "middle": middle, "floor": floor, "size": size, "blur": blur, "maps": maps,
+            "until": until, "run": run}
 
 
-BALL = ("sphere", 0.15, (0.0, 0.6, 0.0))  # of fabric.toml
-COLUMN = ("capsule", 0.135, 0.6, (0.0, 0.5, 0.0))
+MAPS = HOWTO / "painted_maps.toml"
+DENIM = {"coat_render": "denim"}
+DRESSED = {"skirt": "wool_teal", "tshirt": "jersey_coral"}
+OVER_BALL = {"add": ["ball_on_a_stand"], "window": (0.80, 0.47), "middle": (0.0, 0.0), "floor": 0.06, "size": (480, 560), "turn": 25.0}
+FLAG = {"turn": 10.0, "add": ["flag_pole"], "window": (1.9, -0.28), "middle": (0.0, 0.0), "floor": -1.1, "size": (480, 560), "tilt": 3.0}
+CURTAINS = {"turn": 15.0, "add": ["curtain_rods"], "window": (1.68, 0.52), "middle": (0.0, 0.0), "floor": 0.0, "size": (480, 440)}
+SWING = {"turn": 40.0, "add": ["swing_bar"], "window": (1.36, 0.86), "middle": (0.0, 0.05), "floor": 0.22, "size": (722, 640)}
+COAT = {"hide": ("coat",), "add": ["coat_hanger"], "floor": 0.3, "turn": 70.0}
 # A picture has a row of panels, of one shot or of several.
 SHOTS = {
-    "cape": [shot(HOWTO / "cape.toml", [1001, 1013, 1025], body=BODY, turn=150.0)],
-    "layers": [shot(SAMPLES / "dressed_mannequin.toml", [1001, 1013, 1025], body=BODY)],
-    "trousers": [shot(HOWTO / "trousers.toml", [1001, 1013, 1025], body=BODY)],
-    "flag": [shot(SAMPLES / "flag.toml", [0, 48, 96], turn=10.0)],
-    "belt": [shot(HOWTO / "belt.toml", [1001, 1005, 1013], body=BODY, turn=120.0)],
-    "fabric": [shot(HOWTO / "fabric.toml", [24], settings=(f"fabric={fabric}",), shapes=[BALL],
-                    label=fabric, window=(0.85, 0.5))
-               for fabric in ("silk_light", "denim_11oz", "leather_garment")],
-    "painted_maps": [shot(HOWTO / "painted_maps.toml", [0, 24, 48], turn=20.0)],
-    "seams": [shot(SAMPLES / "sewn_tube.toml", [-35, -12, 24], shapes=[COLUMN], settings=("output.preroll=true",))],
-    "cushion": [shot(SAMPLES / "cushion.toml", [0, 8, 48])],
-    "settle": [shot(HOWTO / "settle.toml", [1013, 1019, 1025], body=BODY)],
-    "render_mesh": [shot(SAMPLES / "coat.toml", [1001, 1013, 1025], hide=("coat",))],
-    "faster": [shot(HOWTO / "fabric.toml", [24], settings=(f"solver.preset={preset}",), shapes=[BALL],
-                    label=preset, window=(0.85, 0.5))
+    "cape": [shot(HOWTO / "cape.toml", [1007, 1013, 1019], {"cape": "wool_wine"}, body=BODY, turn=150.0)],
+    "layers": [shot(SAMPLES / "dressed_mannequin.toml", [1001, 1013, 1025], DRESSED, body=BODY)],
+    "trousers": [shot(HOWTO / "trousers.toml", [1001, 1013, 1025], {"trousers": "denim", "tshirt": "jersey_cream"}, body=BODY)],
+    "flag": [shot(SAMPLES / "flag.toml", [0, 48, 96], {"flag": "lining"}, **FLAG)],
+    "belt": [shot(HOWTO / "belt.toml", [1001, 1005, 1009], {"skirt": "wool_grey", "train": "silk"}, body=BODY, turn=125.0, tilt=14.0,
+                  add=["belt"], window=(1.3, 0.84))],
+    "fabric": [shot(HOWTO / "fabric.toml", [24], {"square": look}, settings=(f"fabric={fabric}",), label=fabric, **OVER_BALL)
+               for fabric, look in (("silk_light", "silk"), ("denim_11oz", "denim"), ("leather_garment", "leather"))],
+    "painted_maps": [shot(MAPS, [0], {}, label="0: orange is stiff, violet is heavy, too", maps="starched", until=48, **CURTAINS),
+                     shot(MAPS, [48], {}, label="48, with the maps", maps="starched", run=0, **CURTAINS),
+                     shot(MAPS, [48], {"plain": "cotton_blue", "starched": "cotton_blue"}, label="48", run=0, **CURTAINS)],
+    "seams": [shot(SAMPLES / "sewn_tube.toml", [-35, -12, 24], {"front": "cotton_blue", "back": "cotton"}, settings=("output.preroll=true",),
+                   add=["column"], turn=62.0, window=(1.15, 0.42), floor=-0.1)],
+    "cushion": [shot(SAMPLES / "pillow.toml", [0, 8, 48], {"front": "cotton_blue", "back": "cotton"}, window=(0.70, 0.20), tilt=14.0,
+                     middle=(0.0, 0.0), floor=0.0, size=(480, 420))],
+    "settle": [shot(HOWTO / "settle.toml", [1013, 1019, 1025], {"skirt": "wool_wine"}, body=BODY)],
+    "render_mesh": [shot(SAMPLES / "coat.toml", [1001], DENIM, until=1025, **COAT),
+                    shot(SAMPLES / "coat.toml", [1011], DENIM, window=(0.44, 1.37), run=0, label="1011: collar, buttons", **COAT),
+                    shot(SAMPLES / "coat.toml", [1025], DENIM, window=(0.44, 0.98), run=0, label="1025: hem", **COAT)],
+    "faster": [shot(HOWTO / "fabric.toml", [24], {"square": "silk"}, settings=(f"solver.preset={preset}",), label=preset, **OVER_BALL)
                for preset in ("preview", "production", "hero")],
-    "two_machines": [shot(SAMPLES / "flag.toml", [96], turn=10.0, label=f"processes: {processes}", processes=processes)
-                     for processes in (1, 2)],
-    "farm": [shot(SAMPLES / "flag.toml", [48, 96], turn=10.0, stop_at=48,
-                  label={48: "48: SIGTERM, exit code 75", 96: "96: resumed, exit code 0"}),
-             shot(SAMPLES / "flag.toml", [96], turn=10.0, label="96: never stopped")],
-    "motion_blur": [shot(HOWTO / "motion_blur.toml", [8], turn=40.0, label="without"),
-                    shot(HOWTO / "motion_blur.toml", [8], turn=40.0, label="with", blur=True)],
+    "motion_blur": [shot(HOWTO / "motion_blur.toml", [8], {"sheet": "lining"}, label="without", **SWING),
+                    shot(HOWTO / "motion_blur.toml", [8], {"sheet": "lining"}, label="with", blur=True, run=0, **SWING)],
 }
 
 
 def simulate(name, number, options, wanted):
-    """Runs the scene of a shot; returns the Alembic caches of what is rendered."""
-    out = Path(options.work) / f"{name}_{number}"
-    command = [options.drapery, "run", str(wanted["scene"]), "--out", str(out), "--resume", "auto"]
+    """Runs the scene of a shot; returns the folder of the run."""
+    out = Path(options.work) / f"{name}_{number if wanted['run'] is None else wanted['run']}"
     settings = [*wanted["settings"]]
     if "$assets" in wanted["scene"].read_text():
         settings.append(f"assets={options.assets}")
-    for setting in settings:
-        command += ["--set", setting]
-    # The first frame of the scene; pictures may show frames of the pre-roll before it.
-    first = int(next(line for line in wanted["scene"].read_text().splitlines() if line.startswith("frames")).split('"')[1].split("-")[0])
-    command += ["--frames", f"{first}-{max(first, *wanted['frames'])}"]
-    if wanted["processes"] > 1:
-        command = ["mpirun", "-n", str(wanted["processes"]), *command]
-    if wanted["stop_at"] is not None and not out.is_dir():
-        stop_at_frame(wanted["stop_at"], command, out)
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | MPI)
-    if done.returncode != 0:
-        sys.exit(f"{' '.join(command)}: {done.stderr}")
-    return [cache for cache in sorted(out.glob("*.abc")) if cache.stem not in wanted["hide"]]
+    first = plots.first_frame(wanted["scene"])
+    if wanted["run"] is None:
+        last = max(first, *wanted["frames"], wanted["until"] or first)
+        plots.run(plots.command(options.drapery, wanted["scene"], out, last, settings))
+    return out
 
 
-def stop_at_frame(frame, command, out):
-    """Begins the run of a command, and stops it as a scheduler does."""
-    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    farm.reaches(out, run, frame)
-    code, _ = farm.stop(run, signal.SIGTERM)
-    if code != farm.STOPPED:
-        sys.exit(f"{' '.join(command)}: stopped with exit code {code}, not {farm.STOPPED}")
+def meshes_of(wanted, out, options):
+    """The dummy, the garments by name, and what the picture adds to them."""
+    body = studio.Dummy(Path(options.assets) / wanted["body"], 1001) if wanted["body"] else None
+    caches = [cache for cache in sorted(out.glob("*.abc")) if cache.stem not in wanted["hide"]]
+    return body, {cache.stem: studio.import_meshes(cache) for cache in caches}
 
 
-def add_shape(kind, *numbers):
-    """A body that is a shape of the scene, in Blender's axes."""
-    if kind == "sphere":
-        radius, (x, y, z) = numbers
-        bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=radius, location=(x, -z, y))
-    else:
-        radius, half_length, (x, y, z) = numbers
-        bpy.ops.mesh.primitive_cylinder_add(vertices=96, radius=radius, depth=2 * half_length, location=(x, -z, y))
-    return bpy.context.object
-
-
-def render(wanted, caches, options, folder, tag):
+def render(wanted, out, options, folder, tag):
     """The panels of a shot."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps = 24
-    solid = sheet.material("body", sheet.BODY_COLOUR, 0.6, 0.0)
-    meshes = []
-    if wanted["body"]:
-        meshes += sheet.import_meshes(Path(options.assets) / wanted["body"])
-    meshes += [add_shape(*shape) for shape in wanted["shapes"]]
-    sheet.dress(meshes, solid)
-    for index, cache in enumerate(caches):
-        garment = sheet.import_meshes(cache)
-        colour = sheet.GARMENT_COLOURS[index % len(sheet.GARMENT_COLOURS)]
-        sheet.dress(garment, sheet.material(cache.stem, colour, 0.85, 0.15))
-        meshes += garment
+    body, garments = meshes_of(wanted, out, options)
+    worn = [thing for garment in garments.values() for thing in garment]
+    width, height = wanted["size"]
     extents = []
     for frame in wanted["frames"]:
         scene.frame_set(frame)
-        extents.append(sheet.world_points(meshes))
-    sheet.set_up_scene(scene, min(points[:, 2].min() for points in extents))
+        extents.append(studio.all_points([*(body.pose() if body else []), *worn]))
+    seen, middle = wanted["window"] or studio.seen_height(extents, width, height)
+    thread = studio.THREAD * seen * 640.0 / height
+    for name, garment in garments.items():
+        if wanted["maps"]:
+            props.paint(garment, HOWTO if name == wanted["maps"] else None)
+        else:
+            studio.wear(garment, wanted["looks"][name], thread)
+    view = studio.Studio(width, height)
     scene.render.use_motion_blur = wanted["blur"]
-    distance, height = sheet.frame_the_camera(scene, extents)
-    if wanted["window"]:
-        seen, height = wanted["window"]
-        distance = seen * scene.camera.data.lens / scene.camera.data.sensor_height
+    floor = min(points[:, 2].min() for points in extents) if wanted["floor"] is None else wanted["floor"]
     panels = []
     for frame, points in zip(wanted["frames"], extents):
         scene.frame_set(frame)
-        centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        turn, tilt = math.radians(wanted["turn"]), math.radians(8.0)
-        away = np.array([math.sin(turn) * math.cos(tilt), -math.cos(turn) * math.cos(tilt), math.sin(tilt)])
-        target = np.array([centre[0], centre[1], height])
-        sheet.look_at(scene.camera, target + distance * away, target)
+        if body:
+            body.pose()
+        added = [thing for kind in wanted["add"] for thing in props.ADDED[kind](garments, floor)]
+        centre = wanted["middle"] or 0.5 * (points.min(axis=0) + points.max(axis=0))
+        view.aim((centre[0], centre[1], middle), seen, wanted["turn"], wanted["tilt"], floor)
         label = wanted["label"] or frame
         panels.append((f"{folder}/{tag}_{frame}.png", label[frame] if isinstance(label, dict) else label))
-        scene.render.filepath = panels[-1][0]
-        bpy.ops.render.render(write_still=True)
+        view.photograph(panels[-1][0])
+        for thing in added:
+            bpy.data.objects.remove(thing)
     return panels
 
 
-def plot_of_the_python_page(target):
-    """The plot that the program of docs/howto/from_python.md saves, run with the wheel as its reader has it."""
-    subprocess.run([ROOT / "packaging" / "install-wheel.sh"], check=True)
-    python = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "python" / "venv" / "bin" / "python"
-    page = (ROOT / "docs" / "howto" / "from_python.md").read_text()
-    (plot,) = re.findall(r'savefig\("(.*?)"', page)
-    with tempfile.TemporaryDirectory() as work:
-        program = Path(work) / "page.py"
-        program.write_text("\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL)))
-        subprocess.run([python, program], check=True, cwd=work, env=os.environ | {"MPLBACKEND": "agg"}, stdout=subprocess.DEVNULL)
-        shutil.copy(Path(work) / plot, target)
-
-
-def panel_in_blender(target, drapery):
-    """The panel of the add-on in Blender's window, once a run is done: its upper half beside its lower one."""
-    with tempfile.TemporaryDirectory() as work:
-        blender_session.session(Path(work), drapery)
-        with Image.open(Path(work) / "done.png") as picture:
-            upper, lower = (picture.convert("RGB").crop((520, top, 714, bottom)) for top, bottom in ((338, 820), (820, 1360)))
-    both = Image.new("RGB", (2 * upper.width + 8, lower.height), (48, 48, 48))
-    both.paste(upper, (0, 0))
-    both.paste(lower, (upper.width + 8, 0))
-    both.save(target)
-
-
-# Pictures that are no renders of a shot: who makes them.
+# Pictures that are no renders of a shot alone: the file's ending, and who makes them.
 OTHERS = {
-    "blender": lambda target, options: panel_in_blender(target, options.drapery),
-    "from_python": lambda target, _: plot_of_the_python_page(target),
+    "blender": plots.panel_in_blender,
+    "from_python": plots.plot_of_the_python_page,
+    "two_machines": plots.two_processes,
+    "farm": plots.stopped_and_resumed,
 }
 NAMES = [*SHOTS, *OTHERS]
 
 
+def file_of(name):
+    return PICTURES / f"{name}.{'jpg' if name in SHOTS else 'png'}"
+
+
 def put_on_one_sheet():
-    """All pictures, half as large, each under its name."""
-    columns, width, height, head, gap = 3, 480, 211, 26, 8
+    """All pictures, a third as large, each under its name."""
+    columns, width, height, head, gap = 3, 480, 216, 28, 8
     rows = -(-len(NAMES) // columns)
-    whole = Image.new("RGB", (columns * (width + gap) + gap, rows * (height + head + gap) + gap), (40, 42, 46))
+    whole = Image.new("RGB", (columns * (width + gap) + gap, rows * (height + head + gap) + gap), (255, 255, 255))
     font = ImageFont.load_default(size=18)
     for index, name in enumerate(NAMES):
         left, top = gap + index % columns * (width + gap), gap + index // columns * (height + head + gap)
-        ImageDraw.Draw(whole).text((left + 2, top), name.replace("_", " "), font=font, fill=(230, 230, 230))
-        with Image.open(PICTURES / f"{name}.png") as picture:
+        ImageDraw.Draw(whole).text((left + 2, top + 4), name.replace("_", " "), font=font, fill=(50, 52, 58))
+        with Image.open(file_of(name)) as picture:
             small = picture.convert("RGB")
             small.thumbnail((width, height), Image.Resampling.LANCZOS)
         whole.paste(small, (left, top + head))
-    target = PICTURES.with_suffix(".png")
-    whole.quantize(256, Image.Quantize.MAXCOVERAGE).save(target, optimize=True)
+    written(whole, PICTURES.with_suffix(".jpg"))
+
+
+def written(picture, target):
+    if picture is not None:
+        studio.save(picture, target)
     print(f"written: {target.relative_to(ROOT)}", flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(NAMES)}, sheet")
+    parser.add_argument("names", nargs="*", help=f"of {', '.join(NAMES)}, demo, sheet")
     build = ROOT / "target" / "release"
     parser.add_argument("--drapery", default=os.environ.get("DRAPERY", str(build / "drapery")))
     parser.add_argument("--assets-program", default=os.environ.get("DRAPERY_ASSETS", str(build / "drapery-assets")))
     parser.add_argument("--work", default=str(ROOT / "target" / "pictures"), help="folder of the runs, which go on where they were")
     options = parser.parse_args()
-    unknown = [name for name in options.names if name not in [*NAMES, "sheet"]]
+    unknown = [name for name in options.names if name not in [*NAMES, "demo", "sheet"]]
     if unknown:
         parser.error(f"there is no picture {unknown[0]}")
-    names = options.names or NAMES
-    render_shots(options, [name for name in names if name in SHOTS])
-    for name in names:
-        if name in OTHERS:
-            OTHERS[name](PICTURES / f"{name}.png", options)
-            with_few_colours(PICTURES / f"{name}.png")
-    put_on_one_sheet()
-
-
-def with_few_colours(picture):
-    """Makes the file of a picture small."""
-    with Image.open(picture) as image:
-        small = image.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE)
-    small.save(picture, optimize=True)
-    print(f"written: {picture.relative_to(ROOT)}", flush=True)
-
-
-def render_shots(options, names):
-    """Simulates and renders the shots with these names."""
-    if not names:
-        return
-    options.work = os.path.abspath(options.work)
-    options.assets = f"{options.work}/assets"
-    if not Path(options.assets, "coat.abc").is_file():
-        for made in (["mannequin", "--frames", "1001-1049"], ["coat"]):
-            command = [options.assets_program, *made, "--out", options.assets]
-            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    sheet.WIDTH, sheet.HEIGHT = 320, 420
+    options.work = Path(os.path.abspath(options.work))
+    options.assets = options.work / "assets"
     PICTURES.mkdir(parents=True, exist_ok=True)
-    for name in names:
-        with tempfile.TemporaryDirectory() as folder:
-            panels = []
-            for number, wanted in enumerate(SHOTS[name]):
-                caches = simulate(name, number, options, wanted)
-                panels += render(wanted, caches, options, folder, number)
-            picture = PICTURES / f"{name}.png"
-            sheet.compose([file for file, _ in panels], [frame for _, frame in panels], picture)
-            with_few_colours(picture)
+    for name in options.names or [*NAMES, "demo"]:
+        if name in SHOTS:
+            render_shots(options, name)
+        elif name in OTHERS:
+            written(OTHERS[name](options), file_of(name))
+        elif name == "demo":
+            render_the_demo(options)
+    if all(file_of(name).is_file() for name in NAMES):
+        put_on_one_sheet()
+
+
+def render_the_demo(options):
+    """The sheet of `make demo`, from the same commands."""
+    make_assets(options)
+    out = options.work / "demo"
+    scene = SAMPLES / "dressed_mannequin.toml"
+    plots.run(plots.command(options.drapery, scene, out, 1097, [f"assets={options.assets}"]))
+    target = PICTURES.parent / "demo.jpg"
+    program = [sys.executable, ROOT / "tests" / "oracle" / "render_contact_sheet.py", "--body", options.assets / BODY]
+    for cache in sorted(out.glob("*.abc")):
+        program += ["--garment", cache]
+    subprocess.run([*program, "--frames", "1001,1020,1039,1058,1077,1097", "--out", target], check=True, stdout=subprocess.DEVNULL)
+    written(None, target)
+
+
+def make_assets(options):
+    """The mannequin, its garments and the coat, where they are not there yet."""
+    if not Path(options.assets, "coat.abc").is_file():
+        for made in (["mannequin"], ["coat"]):
+            subprocess.run([options.assets_program, *made, "--out", options.assets], check=True, stdout=subprocess.DEVNULL)
+
+
+def render_shots(options, name):
+    """Simulates and renders the shots of a picture."""
+    make_assets(options)
+    with tempfile.TemporaryDirectory() as folder:
+        panels, folders = [], []
+        for number, wanted in enumerate(SHOTS[name]):
+            folders.append(simulate(name, number, options, wanted))
+            panels += render(wanted, folders[-1], options, folder, number)
+        if name == "faster":
+            texts = plots.cost_and_error(options, folders, [wanted["settings"] for wanted in SHOTS[name]])
+            panels = [(file, f"{label}: {text}") for (file, label), text in zip(panels, texts)]
+        studio.compose([file for file, _ in panels], [label for _, label in panels], file_of(name))
+    written(None, file_of(name))
 
 
 if __name__ == "__main__":

@@ -76,6 +76,17 @@ fn draw(figure: &mut Figure, left: f64, words: &[&str], zones: &Zones, motions: 
     }
 }
 
+/// Draws the meaning of a triangle and of its colours below the rounds.
+fn legend(figure: &mut Figure) {
+    figure.words([12.0, 257.0], "start", "#222", "a triangle: a layer, seen from the side");
+    let rows = [("#777", "in no zone"), ("#b03030", "first zone"), ("#1c5fa8", "second zone")];
+    for (index, (colour, words)) in rows.into_iter().enumerate() {
+        let left = 300.0 + 150.0 * index as f64;
+        figure.polygon(&[[left, 246.0], [left + 16.0, 246.0], [left + 16.0, 258.0], [left, 258.0]], colour);
+        figure.words([left + 22.0, 257.0], "start", "#222", words);
+    }
+}
+
 /// Lets the zone of every collision act until nothing meets; draws each round.
 fn grow(action: Action, mut see: impl FnMut(usize, &Zones, &[Motion])) -> (Zones, Vec<Motion>) {
     let (mut zones, mut motions) = (Zones::default(), motions());
@@ -101,7 +112,7 @@ fn grow(action: Action, mut see: impl FnMut(usize, &Zones, &[Motion])) -> (Zones
 
 #[test]
 fn zones_grow_until_nothing_meets_and_the_figure_shows_it() {
-    let mut figure = Figure::new("Impact zones that grow, inelastic and rigid", [770.0, 235.0]);
+    let mut figure = Figure::new("Impact zones that grow, inelastic and rigid", [770.0, 265.0]);
     let mut sizes = Vec::new();
     let (zones, sliding) = grow(Action::Inelastic, |round, zones, motions| {
         sizes.push(zones.zones().len());
@@ -123,5 +134,6 @@ fn zones_grow_until_nothing_meets_and_the_figure_shows_it() {
     for moved in [&sliding, &rigid] {
         assert!((sum(moved) - sum(&motions())).norm() < 1e-12, "momentum");
     }
+    legend(&mut figure);
     figure.assert_written("impact_zones.svg");
 }
