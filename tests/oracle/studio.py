@@ -178,9 +178,17 @@ def dress(things, made, subdivide=1):
 
 
 def wear(things, look, thread, subdivide=1):
-    """Gives a garment its fabric, with threads of this width [m]."""
+    """Gives a garment its fabric, with threads of this width [m]; looks by name of a material that the file has dress its parts."""
     for thing in things:
-        dress([thing], material(look, thread, unit_of_uvs(thing.data)), subdivide)
+        of_faces, names = np.empty(len(thing.data.polygons), np.int32), [made.name for made in thing.data.materials]
+        thing.data.polygons.foreach_get("material_index", of_faces)
+        unit = unit_of_uvs(thing.data)
+        looks = [look] if isinstance(look, str) else [look[name.split(".")[0]] for name in names]
+        dress([thing], material(looks[0], thread, unit), subdivide)
+        for other in looks[1:]:
+            thing.data.materials.append(material(other, thread, unit))
+        if len(looks) > 1:
+            thing.data.polygons.foreach_set("material_index", of_faces)
 
 
 class Dummy:
@@ -370,7 +378,9 @@ def compose(pictures, labels, path, columns=3):
     sheet = Image.new("RGB", (columns * (width + gap) - gap, rows * (height + gap) - gap), (255, 255, 255))
     font = ImageFont.load_default(size=22)
     for index, (panel, label) in enumerate(zip(panels, labels)):
-        ImageDraw.Draw(panel).text((14, height - 14), str(label), font=font, fill=(62, 66, 74), anchor="ld")
+        ink = ImageDraw.Draw(panel)
+        behind = np.asarray(panel.crop([round(side) for side in ink.textbbox((14, height - 14), str(label), font, "ld")]))
+        ink.text((14, height - 14), str(label), font=font, fill=(62, 66, 74) if behind.mean() > 128 else (240, 240, 240), anchor="ld")
         sheet.paste(panel, (index % columns * (width + gap), index // columns * (height + gap)))
     save(sheet, path)
 

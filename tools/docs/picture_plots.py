@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
@@ -22,6 +23,8 @@ from measure.runs import MPI
 
 ROOT = Path(__file__).parent.parent.parent
 HOWTO, SAMPLES = ROOT / "sample_assets" / "howto", ROOT / "sample_assets" / "scenes"
+# Seconds for which the stopped run waits, as for its next turn on the farm.
+QUEUE = 8.0
 BLUE, RED, GREY, LIGHT = "#1c5fa8", "#b03030", "#777777", "#e2e2e2"
 
 
@@ -147,6 +150,7 @@ def stopped_and_resumed(options):
         code, _ = farm.stop(process, signal.SIGTERM)
         if code != farm.STOPPED:
             sys.exit(f"{' '.join(line)}: stopped with exit code {code}, not {farm.STOPPED}")
+        time.sleep(QUEUE)
         run(line)
     run(command(options.drapery, scene, never, last))
     (begin, before), (again, after) = moments(stopped)
@@ -159,9 +163,9 @@ def stopped_and_resumed(options):
     chart.curve([(begin, 0), *before], BLUE, 3.5)
     chart.curve([(end, reached), (again, after[0][1] - 1)], RED, 1.5)
     chart.curve([(again, after[0][1] - 1), *after], BLUE, 3.5)
-    words = f"frame {reached}: stopped by SIGTERM, exit code {farm.STOPPED}; the same command goes on"
-    chart.mark(before[-1], words, RED, (40, 70))
-    chart.mark(after[-1], f"frame {after[-1][1]}: resumed and done, exit code 0", BLUE, (-40, 0))
+    chart.mark(before[-1], f"frame {reached}: SIGTERM, exit code {farm.STOPPED}", RED, (40, 70))
+    chart.mark((again, after[0][1] - 1), "the same command goes on", BLUE, (40, 40))
+    chart.mark(after[-1], f"frame {after[-1][1]}: done, exit code 0", BLUE, (-40, 0))
     chart.mark(whole[-1], f"frame {whole[-1][1]}: never stopped, exit code 0", GREY, (-40, 0))
     return chart.done()
 

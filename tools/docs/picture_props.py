@@ -71,10 +71,12 @@ def column(_, floor):
 
 
 def coat_hanger(garments, _):
-    """A bar under the neck of the coat, which moves it, and the cord on which the bar hangs."""
+    """A wooden neck that fills the collar, which moves it, and the cord on which the neck hangs."""
     points = studio.all_points([thing for garment in garments.values() for thing in garment])
-    neck = points[points[:, 2] > points[:, 2].max() - 0.05].mean(axis=0)
-    return [bar(neck + (-0.05, 0.0, 0.0), neck + (0.05, 0.0, 0.0), 0.008, "wood"), bar(neck, neck + (0.0, 0.0, 0.9), 0.003)]
+    top = points[points[:, 2] > points[:, 2].max() - 0.004]
+    neck, radius = top.mean(axis=0), np.linalg.norm((top - top.mean(axis=0))[:, :2], axis=1).min()
+    return [bar(neck - (0.0, 0.0, 0.06), neck + (0.0, 0.0, 0.012), radius - 0.006, "wood"), ball(neck + (0.0, 0.0, 0.03), 0.022, "wood"),
+            bar(neck, neck + (0.0, 0.0, 0.9), 0.003)]  # fmt: skip
 
 
 def belt(garments, _):

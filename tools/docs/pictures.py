@@ -30,7 +30,7 @@ BODY = "body.abc"
 
 def shot(scene, frames, looks, *, body=None, settings=(), add=(), hide=(), turn=30.0, tilt=8.0, label=None, window=None, middle=None,
          floor=None, size=(480, 640), blur=False, maps=None, until=None, run=None):
-    """Description of a picture: a scene, the frames to show, fabric by garment, the body's file, and the direction of the view.
+    """Description of a picture: a scene, the frames to show, fabric by garment (and part), the body's file, the direction of the view.
 
     `window` is the height that is seen and the height of its middle [m], where shots are to compare or the view is close; `middle` is
     then the place (x, y of Blender) that is looked at, else the middle of what is seen. `label` is a text for all panels or one for each
@@ -43,13 +43,14 @@ def shot(scene, frames, looks, *, body=None, settings=(), add=(), hide=(), turn=
 
 
 MAPS = HOWTO / "painted_maps.toml"
-DENIM = {"coat_render": "denim"}
 DRESSED = {"skirt": "wool_teal", "tshirt": "jersey_coral"}
 OVER_BALL = {"add": ["ball_on_a_stand"], "window": (0.80, 0.47), "middle": (0.0, 0.0), "floor": 0.06, "size": (480, 560), "turn": 25.0}
 FLAG = {"turn": 10.0, "add": ["flag_pole"], "window": (1.9, -0.28), "middle": (0.0, 0.0), "floor": -1.1, "size": (480, 560), "tilt": 3.0}
 CURTAINS = {"turn": 15.0, "add": ["curtain_rods"], "window": (1.68, 0.52), "middle": (0.0, 0.0), "floor": 0.0, "size": (480, 440)}
 SWING = {"turn": 40.0, "add": ["swing_bar"], "window": (1.36, 0.86), "middle": (0.0, 0.05), "floor": 0.22, "size": (722, 640)}
-COAT = {"hide": ("coat",), "add": ["coat_hanger"], "floor": 0.3, "turn": 70.0}
+COAT = {"hide": ("coat",), "add": ["coat_hanger"], "floor": 0.3, "turn": 72.0}
+COAT_SCENE = SAMPLES / "coat.toml"
+COAT_LOOKS = {"coat_render": {"shell": "wool_teal", "hems": "leather", "collar": "wool_grey", "collar_hems": "leather", "buttons": "horn"}}
 # A picture has a row of panels, of one shot or of several.
 SHOTS = {
     "cape": [shot(HOWTO / "cape.toml", [1007, 1013, 1019], {"cape": "wool_wine"}, body=BODY, turn=150.0)],
@@ -68,9 +69,9 @@ SHOTS = {
     "cushion": [shot(SAMPLES / "pillow.toml", [0, 8, 48], {"front": "cotton_blue", "back": "cotton"}, window=(0.70, 0.20), tilt=14.0,
                      middle=(0.0, 0.0), floor=0.0, size=(480, 420))],
     "settle": [shot(HOWTO / "settle.toml", [1013, 1019, 1025], {"skirt": "wool_wine"}, body=BODY)],
-    "render_mesh": [shot(SAMPLES / "coat.toml", [1001], DENIM, until=1025, **COAT),
-                    shot(SAMPLES / "coat.toml", [1011], DENIM, window=(0.44, 1.37), run=0, label="1011: collar, buttons", **COAT),
-                    shot(SAMPLES / "coat.toml", [1025], DENIM, window=(0.44, 0.98), run=0, label="1025: hem", **COAT)],
+    "render_mesh": [shot(COAT_SCENE, [1001], COAT_LOOKS, until=1025, window=(0.92, 1.16), middle=(0.0, 0.0), **COAT),
+                    shot(COAT_SCENE, [1009], COAT_LOOKS, window=(0.34, 1.40), run=0, label="1009: collar and buttons", **COAT),
+                    shot(COAT_SCENE, [1009], COAT_LOOKS, window=(0.34, 0.96), run=0, tilt=-14.0, label="1009: two layers, hem", **COAT)],
     "faster": [shot(HOWTO / "fabric.toml", [24], {"square": "silk"}, settings=(f"solver.preset={preset}",), label=preset, **OVER_BALL)
                for preset in ("preview", "production", "hero")],
     "motion_blur": [shot(HOWTO / "motion_blur.toml", [8], {"sheet": "lining"}, label="without", **SWING),
