@@ -54,7 +54,7 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
         .filter(|path| !path.ends_with("dressed_mannequin.toml") && !path.ends_with("coat.toml"))
         .collect();
     names.sort();
-    assert_eq!(names.len(), 15);
+    assert_eq!(names.len(), 16);
     let tests = ["belt", "folded_stack", "soft_cloth", "storm", "two_sheets"];
     names.extend(tests.map(|name| project().join("tests/scenes").join(format!("{name}.toml"))));
     for path in names {
