@@ -17,7 +17,7 @@ from measure.scenes import SAMPLES
 PAGE = "dev/measurements/studies.md"
 MAX_WALL = "120s"
 # Size of a picture's page, and width of the picture, in pixels.
-WINDOW, WIDTH = (1240, 2300), 760
+WINDOW, WIDTH = (1240, 2300), 1000
 
 
 def wait_for_quiet():
@@ -58,7 +58,7 @@ def photograph(page, picture, folder):
     subprocess.run([browser, *options, f"--window-size={WINDOW[0]},{WINDOW[1]}", f"file://{page}"], check=True, capture_output=True)
     with Image.open(shot) as image:
         small = image.convert("RGB").resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
-    small.quantize(256, Image.Quantize.MAXCOVERAGE).save(picture, optimize=True)
+    small.save(picture, optimize=True)
 
 
 TABLES = [
