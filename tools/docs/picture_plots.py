@@ -184,10 +184,10 @@ def two_processes(options):
     title = f"flag.abc of both runs: {'the same bytes' if same else 'DIFFERENT bytes'} (SHA-256 {found[0][3][:16]}…, {found[1][3][:16]}…)"
     longest = max(frames[-1][0] for _, _, frames, _ in found)
     chart = Chart(title, "seconds since the start, with one thread for each process", "frames done", 1.04 * longest, 105)
-    for (processes, begin, frames, _), colour, way in zip(found, (GREY, BLUE), ((-40, 0), (-10, 130))):
+    for (processes, begin, frames, _), colour in zip(found, (GREY, BLUE)):
         chart.curve([(begin, 0), *frames], colour, 3.5)
         seconds = (frames[-1][0] - begin) / len(frames)
-        chart.mark(frames[-1], f"{processes} process{'es' if processes > 1 else ''}: {seconds:.2f} s a frame", colour, way)
+        chart.mark(frames[-1], f"{processes} process{'es' if processes > 1 else ''}: {seconds:.2f} s a frame", colour, (-40, 0))
     return chart.done()
 
 
