@@ -84,16 +84,20 @@ def run_scene(drapery_command, tmp_path_factory):
     return run
 
 
+def make_assets(folder, *arguments):
+    """Runs `drapery-assets` into a folder, and returns the folder."""
+    command = [program("DRAPERY_ASSETS", "drapery-assets"), *arguments, "--out", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
 @pytest.fixture(scope="session")
 def make_mannequin(tmp_path_factory):
     """Generates the character with garments of a fineness, `light` or `full`, and returns the folder."""
 
     def make(garments):
-        folder = tmp_path_factory.mktemp("mannequin")
-        command = [program("DRAPERY_ASSETS", "drapery-assets"), "mannequin", "--out", str(folder), "--garments", garments]
-        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-        assert done.returncode == 0, done.stderr
-        return folder
+        return make_assets(tmp_path_factory.mktemp("mannequin"), "mannequin", "--garments", garments)
 
     return make
 
@@ -113,12 +117,8 @@ def dressed(run_scene, mannequin):
 @pytest.fixture(scope="session")
 def howto_assets(tmp_path_factory):
     """Folder with the mannequin and the coat, as the how-to pages make them."""
-    folder = tmp_path_factory.mktemp("howto_assets")
-    for made in (["mannequin", "--resolution", "0.5", "--frames", "1001-1025"], ["coat"]):
-        command = [program("DRAPERY_ASSETS", "drapery-assets"), *made, "--out", str(folder)]
-        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-        assert done.returncode == 0, done.stderr
-    return folder
+    folder = make_assets(tmp_path_factory.mktemp("howto_assets"), "mannequin", "--resolution", "0.5", "--frames", "1001-1025")
+    return make_assets(folder, "coat")
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -19,7 +18,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 import blender_session
 import farm
-from measure.runs import MPI
+from howto import frames_of
+from measure.runs import timed
 
 ROOT = Path(__file__).parent.parent.parent
 HOWTO, SAMPLES = ROOT / "sample_assets" / "howto", ROOT / "sample_assets" / "scenes"
@@ -28,20 +28,18 @@ QUEUE = 8.0
 BLUE, RED, GREY, LIGHT = "#1c5fa8", "#b03030", "#777777", "#e2e2e2"
 
 
-def first_frame(scene):
-    """The first frame of a scene; pictures may show frames of the pre-roll before it."""
-    return int(next(line for line in scene.read_text().splitlines() if line.startswith("frames")).split('"')[1].split("-")[0])
-
-
-def command(drapery, scene, out, last, settings=(), resume="auto"):
-    line = [drapery, "run", str(scene), "--out", str(out), "--resume", resume, "--frames", f"{first_frame(scene)}-{last}"]
+def command(drapery, scene, out, last, settings=()):
+    """A run of a scene from its first frame, which goes on where it was."""
+    line = [drapery, "run", str(scene), "--out", str(out), "--frames", f"{frames_of(scene)[0]}-{last}"]
     return line + [word for setting in settings for word in ("--set", setting)]
 
 
 def run(line):
-    done = subprocess.run(line, capture_output=True, text=True, env=os.environ | MPI)
+    """Runs a command; returns its CPU seconds, which other work on the machine hardly changes."""
+    done, cpu, _ = timed(line)
     if done.returncode != 0:
         sys.exit(f"{' '.join(map(str, line))}: {done.stderr}")
+    return cpu
 
 
 def moments(out):
@@ -63,17 +61,6 @@ def positions(out, garment, frame):
         return cache["positions"][list(cache["frame_numbers"]).index(frame)]
 
 
-def processor_seconds(line):
-    """Processor time of a run on one thread, which other work on the machine hardly changes."""
-    def spent():
-        of = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return of.ru_utime + of.ru_stime
-
-    before = spent()
-    run([*line, "--threads", "1"])
-    return spent() - before
-
-
 def cost_and_error(options, folders, settings):
     """Seconds a frame of these runs of fabric.toml, and their distance from a run with twice the steps of `hero`.
 
@@ -84,7 +71,7 @@ def cost_and_error(options, folders, settings):
     texts = []
     for out, setting in zip(folders, settings):
         with tempfile.TemporaryDirectory() as work:
-            seconds = processor_seconds(command(options.drapery, scene, Path(work) / "out", last, setting))
+            seconds = run([*command(options.drapery, scene, Path(work) / "out", last, setting), "--threads", "1"])
         away = positions(out, "square", 8) - positions(exact, "square", 8)
         error = np.sqrt((away**2).sum(axis=1).mean())
         texts.append(f"{seconds / (last + 1):.2f} s a frame, {1e3 * error:.0f} mm off")

@@ -8,6 +8,7 @@ all if there are none. Needs no display.
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from PIL import Image, ImageDraw, ImageFont  # noqa: E402
 import picture_plots as plots  # noqa: E402
 import picture_props as props  # noqa: E402
 import studio  # noqa: E402
+from howto import frames_of  # noqa: E402
 
 PICTURES = ROOT / "docs" / "pictures" / "howto"
 HOWTO, SAMPLES = ROOT / "sample_assets" / "howto", ROOT / "sample_assets" / "scenes"
@@ -85,15 +87,15 @@ def simulate(name, number, options, wanted):
     settings = [*wanted["settings"]]
     if "$assets" in wanted["scene"].read_text():
         settings.append(f"assets={options.assets}")
-    first = plots.first_frame(wanted["scene"])
     if wanted["run"] is None:
-        last = max(first, *wanted["frames"], wanted["until"] or first)
+        # Pictures may show frames of the pre-roll alone.
+        last = max(frames_of(wanted["scene"])[0], *wanted["frames"], *([wanted["until"]] if wanted["until"] else []))
         plots.run(plots.command(options.drapery, wanted["scene"], out, last, settings))
     return out
 
 
 def meshes_of(wanted, out, options):
-    """The dummy, the garments by name, and what the picture adds to them."""
+    """The dummy, if the shot has a body, and the garments by name."""
     body = studio.Dummy(Path(options.assets) / wanted["body"], 1001) if wanted["body"] else None
     caches = [cache for cache in sorted(out.glob("*.abc")) if cache.stem not in wanted["hide"]]
     return body, {cache.stem: studio.import_meshes(cache) for cache in caches}
@@ -164,12 +166,12 @@ def put_on_one_sheet():
             small = picture.convert("RGB")
             small.thumbnail((width, height), Image.Resampling.LANCZOS)
         whole.paste(small, (left, top + head))
-    written(whole, PICTURES.with_suffix(".jpg"))
+    target = PICTURES.with_suffix(".jpg")
+    studio.save(whole, target)
+    report(target)
 
 
-def written(picture, target):
-    if picture is not None:
-        studio.save(picture, target)
+def report(target):
     print(f"written: {target.relative_to(ROOT)}", flush=True)
 
 
@@ -191,7 +193,8 @@ def main():
         if name in SHOTS:
             render_shots(options, name)
         elif name in OTHERS:
-            written(OTHERS[name](options), file_of(name))
+            studio.save(OTHERS[name](options), file_of(name))
+            report(file_of(name))
         elif name == "demo":
             render_the_demo(options)
     if all(file_of(name).is_file() for name in NAMES):
@@ -199,17 +202,12 @@ def main():
 
 
 def render_the_demo(options):
-    """The sheet of `make demo`, from the same commands."""
-    make_assets(options)
-    out = options.work / "demo"
-    scene = SAMPLES / "dressed_mannequin.toml"
-    plots.run(plots.command(options.drapery, scene, out, 1097, [f"assets={options.assets}"]))
+    """The sheet of `make demo`."""
+    programs = {"DRAPERY": os.path.abspath(options.drapery), "DRAPERY_ASSETS": os.path.abspath(options.assets_program)}
+    subprocess.run([ROOT / "sample_assets" / "demo.sh", "light"], check=True, env=os.environ | programs, stdout=subprocess.DEVNULL)
     target = PICTURES.parent / "demo.jpg"
-    program = [sys.executable, ROOT / "tests" / "oracle" / "render_contact_sheet.py", "--body", options.assets / BODY]
-    for cache in sorted(out.glob("*.abc")):
-        program += ["--garment", cache]
-    subprocess.run([*program, "--frames", "1001,1020,1039,1058,1077,1097", "--out", target], check=True, stdout=subprocess.DEVNULL)
-    written(None, target)
+    shutil.copy(ROOT / "demo" / "out-light" / "contact_sheet.jpg", target)
+    report(target)
 
 
 def make_assets(options):
@@ -231,7 +229,7 @@ def render_shots(options, name):
             texts = plots.cost_and_error(options, folders, [wanted["settings"] for wanted in SHOTS[name]])
             panels = [(file, f"{label}: {text}") for (file, label), text in zip(panels, texts)]
         studio.compose([file for file, _ in panels], [label for _, label in panels], file_of(name))
-    written(None, file_of(name))
+    report(file_of(name))
 
 
 if __name__ == "__main__":
