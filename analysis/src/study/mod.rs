@@ -204,7 +204,7 @@ fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts
         ..SceneFacts::default()
     };
     let ground = BaseSettings {
-        is_long: scene.solver.integrator.spec().is_implicit,
+        is_implicit: scene.solver.integrator.spec().is_implicit,
         steps_per_frame: scene.solver.steps_per_frame,
         cfl: scene.solver.cfl,
         max_dt: scene.solver.max_dt,

@@ -139,10 +139,10 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
     let steps = (ground.steps_per_frame as f64 * fineness).max(2.0 * most);
     let finer = |coarser: f64| {
         let mut setting = as_is();
-        if ground.is_long {
+        if ground.is_implicit {
             setting = changed(&setting, STEPS_PER_FRAME, &(steps / coarser).ceil().to_string(), ground);
         }
-        if !ground.is_long || ground.limits_long_steps() {
+        if !ground.is_implicit || ground.limits_long_steps() {
             setting = changed(&setting, CFL, &(cfl * coarser).to_string(), ground);
         }
         if let Some(dt) = longest {
@@ -153,7 +153,7 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
         setting.settings.push(("solver.cg_max_iterations".to_owned(), REFERENCE_ITERATIONS.to_owned()));
         setting
     };
-    let [fine, middle, coarse] = reference_times(match ground.is_long {
+    let [fine, middle, coarse] = reference_times(match ground.is_implicit {
         true => steps / ground.steps_per_frame.max(1) as f64,
         false => ground.cfl / cfl,
     });
@@ -182,20 +182,20 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     };
     let one = |name: &str, value: &str| all_of(&[(name, value)]);
     // Steps so many times as short.
-    let shorter = |times: usize| match ground.is_long {
+    let shorter = |times: usize| match ground.is_implicit {
         true => (STEPS_PER_FRAME, (times * ground.steps_per_frame).to_string()),
         false => (CFL, (ground.cfl / times as f64).to_string()),
     };
     space.push(one("cg_tolerance", &scientific(ground.cg_tolerance.map_or(LARGEST, |tolerance| LOOSE * tolerance))));
     space.push(one("cg_tolerance", TIGHT));
-    if ground.is_long && ground.steps_per_frame > 1 {
+    if ground.is_implicit && ground.steps_per_frame > 1 {
         space.push(one(STEPS_PER_FRAME, &(ground.steps_per_frame / 2).to_string()));
     }
     let finer = [2, 4].map(shorter);
     space.extend(finer.iter().map(|(name, value)| one(name, value)));
     space.extend(finer.iter().map(|(name, value)| all_of(&[(name, value), ("cg_tolerance", TIGHT)])));
     // The other integrator, as it would be used.
-    if ground.is_long {
+    if ground.is_implicit {
         space.push(one(INTEGRATOR, SHORT_STEPS));
         space.push(all_of(&[(INTEGRATOR, SHORT_STEPS), (CFL, &(ground.cfl / 2.0).to_string())]));
     } else {
@@ -358,7 +358,7 @@ mod tests {
 
     #[test]
     fn settings_of_both_integrators_are_compared_and_the_reference_keeps_that_of_the_scene() {
-        let long = BaseSettings { is_long: true, ..ground() };
+        let long = BaseSettings { is_implicit: true, ..ground() };
         let none = asked(&[], false);
         for (ground, own, other) in [
             (ground(), "cfl 2", "integrator tr_bdf2, steps_per_frame"),
@@ -375,7 +375,7 @@ mod tests {
             assert!(references.iter().all(|wish| !wish.setting.label.contains("integrator")), "{references:?}");
         }
         // A sixteenth of the step, or half of the shortest that is asked for.
-        let long = BaseSettings { is_long: true, ..super::super::vary::tests::ground() };
+        let long = BaseSettings { is_implicit: true, ..super::super::vary::tests::ground() };
         let finest = |asked: &Asked| references(asked, &long, FINENESS[0]).pop().unwrap().setting.changes[0].clone();
         let steps = |count: &str| ("steps_per_frame".to_owned(), count.to_owned());
         assert_eq!(finest(&none), steps("128"));

@@ -73,7 +73,7 @@ const CHOICE: &str = "effects.";
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct BaseSettings {
     /// Whether it takes long steps.
-    pub is_long: bool,
+    pub is_implicit: bool,
     /// Long steps in a frame, also where it does not take them.
     pub steps_per_frame: usize,
     /// CFL number.
@@ -111,14 +111,14 @@ impl BaseSettings {
             _ if *name == PRESET.name => SolverPreset::find(value).map(|preset| preset.integrator),
             _ => None,
         });
-        chosen.unwrap_or(if self.is_long { LONG } else { SHORT })
+        chosen.unwrap_or(if self.is_implicit { LONG } else { SHORT })
     }
 
     /// Changes that are to be made together, without those that say nothing to their integrator; in a scene with short steps a
     /// number of long ones asks for them.
     pub(super) fn meant<'a>(&self, mut changes: Vec<Change<'a>>) -> Vec<Change<'a>> {
         let names = |name: &str, changes: &[Change<'_>]| changes.iter().any(|(found, _)| *found == name);
-        if !self.is_long && names(STEPS_PER_FRAME, &changes) && !names(INTEGRATOR, &changes) {
+        if !self.is_implicit && names(STEPS_PER_FRAME, &changes) && !names(INTEGRATOR, &changes) {
             changes.insert(0, (INTEGRATOR, LONG_STEPS));
         }
         let (integrator, has_explicit) = (self.integrator_with(&changes), self.limits_long_steps());
@@ -265,8 +265,8 @@ pub(super) fn rough_times(name: &str, value: &str, ground: &BaseSettings) -> f64
     match (name, number) {
         (CFL, Some(cfl)) => (ground.cfl / cfl).powf(STEPS_POWER),
         (STEPS_PER_FRAME, Some(steps)) => (steps / ground.steps_per_frame.max(1) as f64).powf(STEPS_POWER),
-        (INTEGRATOR, _) if ground.is_long && value == SHORT_STEPS => SHORT_BY_LONG,
-        (INTEGRATOR, _) if !ground.is_long && value == LONG_STEPS => LONG_BY_SHORT,
+        (INTEGRATOR, _) if ground.is_implicit && value == SHORT_STEPS => SHORT_BY_LONG,
+        (INTEGRATOR, _) if !ground.is_implicit && value == LONG_STEPS => LONG_BY_SHORT,
         // A panel of n cells has n² vertices and takes n times as many steps.
         (RESOLUTION, Some(cells)) => ground.resolution.map_or(1.0, |base| (cells / base).powi(3)),
         (MAX_DT, Some(dt)) => ground.max_dt.map_or(4.0, |base| base / dt).max(1.0).powf(STEPS_POWER),
@@ -317,7 +317,7 @@ pub(super) mod tests {
         let long = changed(&as_is(), INTEGRATOR, LONG_STEPS, &fine);
         assert_eq!(long.settings, pairs(&[("solver.cfl", "4"), ("solver.integrator", LONG_STEPS)]));
         assert_eq!(changed(&as_is(), INTEGRATOR, LONG_STEPS, &ground()).settings.len(), 1);
-        let hero = BaseSettings { is_long: true, steps_per_frame: 16, ..ground() };
+        let hero = BaseSettings { is_implicit: true, steps_per_frame: 16, ..ground() };
         let short = changed(&as_is(), INTEGRATOR, SHORT_STEPS, &hero);
         assert_eq!(short.settings, pairs(&[("solver.steps_per_frame", "8"), ("solver.integrator", SHORT_STEPS)]));
     }
@@ -349,7 +349,7 @@ pub(super) mod tests {
 
     #[test]
     fn changes_are_made_only_to_an_integrator_that_reads_them_and_steps_per_frame_asks_for_it() {
-        let (short, long) = (ground(), BaseSettings { is_long: true, ..ground() });
+        let (short, long) = (ground(), BaseSettings { is_implicit: true, ..ground() });
         let eight = (STEPS_PER_FRAME, "8");
         assert_eq!(short.meant(vec![eight]), [(INTEGRATOR, LONG_STEPS), eight]);
         assert_eq!(long.meant(vec![eight, (CFL, "2")]), [eight]);

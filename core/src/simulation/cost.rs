@@ -45,11 +45,11 @@ impl Simulation {
         let frame = description.timeline.frame_duration();
         let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
         let longest = self.limit.longest(&description.solver, 1.0);
-        let is_long = description.solver.integrator.spec().is_implicit;
+        let is_implicit = description.solver.integrator.spec().is_implicit;
         let stiffest = self.plan.iter().min_by(|a, b| a.longest_step.total_cmp(&b.longest_step));
         let because = match stiffest {
             _ if max_dt <= longest => PlannedSteps::MAX_DT.to_owned(),
-            Some(effect) if is_long && effect.longest_step > longest => PlannedSteps::STEPS_PER_FRAME.to_owned(),
+            Some(effect) if is_implicit && effect.longest_step > longest => PlannedSteps::STEPS_PER_FRAME.to_owned(),
             Some(effect) => {
                 let of = effect.garment.as_ref().map_or(String::new(), |garment| format!(" of garment \"{garment}\""));
                 format!("the stiffness of `{}`{of}", effect.name)

@@ -120,24 +120,24 @@ impl Simulation {
         let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
         let in_contact = has(Need::Bodies) || (repels && (description.garments.len() > 1 || is_blown));
         let steps = self.planned_steps().steps;
-        let is_long = description.solver.integrator.spec().is_implicit;
-        let counts = if is_long { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
+        let is_implicit = description.solver.integrator.spec().is_implicit;
+        let counts = if is_implicit { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
         let [solves, iterations] = counts;
         let speed = self.cloth.state.v.iter().map(|v| v.norm()).fold(SPEED, f64::max);
         let moved = frame * speed / (SHARE_OF_EDGE * self.scene.mean_edge());
         let least = steps / self.most_steps_between_collisions();
         let collision_steps = if repels { moved.max(least).clamp(1.0, steps.max(1.0)) } else { 0.0 };
-        let of_solves = if is_long {
+        let of_solves = if is_implicit {
             sizes.of_long_solves(counts, repels)
         } else {
             sizes.of_short_solves(counts, self.force_costs())
         };
         let near = (sizes.triangles + sizes.surface_triangles) * collision_steps;
-        let repulsions = if in_contact && repels && !is_long { steps * sizes.triangles * REPULSION } else { 0.0 };
-        let of_bodies = steps * sizes.of_bodies(is_long);
+        let repulsions = if in_contact && repels && !is_implicit { steps * sizes.triangles * REPULSION } else { 0.0 };
+        let of_bodies = steps * sizes.of_bodies(is_implicit);
         let nanoseconds = [of_solves, near * NEIGHBOURS + repulsions, near * COLLISIONS, of_bodies];
         let seconds = nanoseconds.map(|nanoseconds| nanoseconds / NANOSECONDS);
-        let is_least = is_long && in_contact;
+        let is_least = is_implicit && in_contact;
         FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds, is_least }
     }
 
@@ -228,8 +228,8 @@ impl Sizes {
     }
 
     /// Nanoseconds of bodies in a step.
-    fn of_bodies(&self, is_long: bool) -> f64 {
-        let [shape, surface] = [SHAPE, SURFACE].map(|costs| costs[usize::from(is_long)]);
+    fn of_bodies(&self, is_implicit: bool) -> f64 {
+        let [shape, surface] = [SHAPE, SURFACE].map(|costs| costs[usize::from(is_implicit)]);
         self.vertices * (self.shapes * shape + self.surfaces * surface) + self.surface_triangles * MOVING_SURFACE
     }
 }

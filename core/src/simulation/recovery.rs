@@ -310,8 +310,8 @@ impl Simulation {
 
     /// Whether the collisions of a long step have moved a vertex far, on any rank.
     fn was_struck(&self) -> bool {
-        let is_long = self.scene.description().solver.integrator.spec().is_implicit;
-        let contact = self.contacts.cloth.as_ref().filter(|contact| is_long && contact.keeps_free());
+        let is_implicit = self.scene.description().solver.integrator.spec().is_implicit;
+        let contact = self.contacts.cloth.as_ref().filter(|contact| is_implicit && contact.keeps_free());
         contact.is_some_and(|contact| self.ranks().any(contact.largest_correction().0 > LARGEST_CORRECTION))
     }
 

@@ -16,7 +16,7 @@ use crate::pins::{HardPins, Mobility, PinTargets};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::tr_bdf2::StageArrays;
+use crate::step::implicit::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -144,7 +144,7 @@ pub(crate) struct Scratch {
     /// Velocities that forces see in B.5 [m/s]; empty if none looks.
     pub(super) v_seen: Vec<Vec3>,
     pub(super) cg: ConjugateGradient,
-    /// Arrays of the stages of the implicit step, where it is the integrator.
+    /// Arrays of the stages of implicit steps, where the integrator is such.
     pub(super) stages: Option<Box<StageArrays>>,
     /// Vertices that rest on bodies in these stages.
     pub(super) active: ActiveSet,
@@ -152,7 +152,7 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
-    /// look at velocities, `stages` where the integrator is the implicit one.
+    /// look at velocities, `stages` where the integrator is implicit.
     pub(crate) fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
         let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };

@@ -17,10 +17,11 @@
 //! (`docs/theory/tr_bdf2.md`). A and C are around the steps, in `crate::simulation`.
 
 mod groups;
+mod implicit;
 mod semi_implicit;
 mod tr_bdf2;
 
-pub(crate) use tr_bdf2::StageArrays;
+pub(crate) use implicit::StageArrays;
 
 pub(crate) use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
 

@@ -8,27 +8,14 @@
 //! B.6  v' = v₂
 //! ```
 //!
-//! Each stage is solved by Newton's method from a prediction of second order: of v₁ with the last acceleration, of v₂ with the
-//! acceleration of the first stage. One linear solve is enough where nothing touches. Vertices that rest on bodies move with them in the
-//! solves ([`crate::contact::bodies::active_set`]), and pairs of cloth repel each other there, so that B.2 and B.8 limit strain alone.
+//! Each stage is solved by Newton's method ([`crate::step::implicit`]) from a prediction of second order: of v₁ with the last acceleration, of
+//! v₂ with the acceleration of the first stage. Pairs of cloth repel each other in the solves, so that B.2 and B.8 limit strain alone.
 
-mod arrays;
-mod newton;
-mod parts;
-mod prescription;
 mod stages;
-
-pub(crate) use arrays::StageArrays;
 
 use super::{Line, Step};
 use crate::clock::Watch;
-use crate::contact::bodies::active_set::ActiveContact;
-use crate::contact::bodies::collision::CollisionStep;
-use crate::long_steps::EXTRAPOLATED;
-use crate::solve::conjugate_gradient::Outcome;
 use crate::state::State;
-use crate::step::{Prescribed, Scratch};
-use stages::{StageContext, Stages};
 
 /// γ, the end of the first stage as a fraction of the step: the value for which both stages have the same matrix.
 const GAMMA: f64 = 2.0 - std::f64::consts::SQRT_2;
@@ -58,25 +45,20 @@ impl<'a> Step<'a> {
         let watch = Watch::start();
         let resting = self.find_resting();
         let (parts, dt, retries) = (self.parts, self.settings.dt, self.settings.retries);
-        let mut stages = self.stages();
-        stages.active.set(parts, resting);
-        stages.begin();
-        let first = stages.first_stage();
-        let is_taken_back = retries && (first.worse || stages.arrays.unsettled_vertices.is_some());
-        let second = if is_taken_back { Outcome::NONE } else { stages.second_stage() };
-        let outcomes = [first, second];
-        let Self { cloth, metrics, report, .. } = self;
+        let mut solver = self.stage_solver();
+        solver.active.set(parts, resting);
+        let first = stages::first_stage(&mut solver);
+        let is_taken_back = retries && (first.worse || solver.arrays.unsettled_vertices.is_some());
+        self.report_stage(first, "B.1");
+        if !is_taken_back {
+            let second = stages::second_stage(&mut self.stage_solver());
+            self.report_stage(second, "B.1");
+        }
+        let Self { cloth, metrics, .. } = self;
         let (x, scratch) = (&cloth.state.x, &mut cloth.scratch);
         let ends = scratch.stages.iter().flat_map(|arrays| &arrays.x);
         for ((v_half, end), x) in scratch.v_half.iter_mut().zip(ends).zip(x) {
             *v_half = (end - x) / dt;
-        }
-        let stop = self.settings.stop;
-        if let Some(arrays) = &mut scratch.stages {
-            for outcome in outcomes {
-                report.add(outcome, "B.1", (parts, metrics), || arrays.cg.unsolved(parts, stop));
-            }
-            arrays.report_unsettled(report);
         }
         metrics.add_time("B.1 velocity".into(), watch.seconds(), 1);
     }
@@ -94,13 +76,9 @@ impl<'a> Step<'a> {
             .as_ref()
             .map_or_else(Vec::new, |collision| collision.met(&self.cloth.scratch.v_star[own], dt));
         let [x_new, v_star] = [&mut self.cloth.scratch.x_new, &mut self.cloth.scratch.v_star].map(std::mem::take);
-        let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
+        let outcome = stages::second_stage_again(&mut self.stage_solver(), &x_new, &v_star, met);
         (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);
-        let Self { cloth, metrics, report, settings, .. } = self;
-        if let Some(arrays) = &mut cloth.scratch.stages {
-            report.add(outcome, "B.5", (parts, metrics), || arrays.cg.unsolved(parts, settings.stop));
-            arrays.report_unsettled(report);
-        }
+        self.report_stage(outcome, "B.5");
         if self.contacts.bodies.is_some() {
             let is_wrong = self.cloth.scratch.active.is_wrong();
             self.metrics.count_once(parts.ranks(), "friction_unsettled", u64::from(is_wrong));
@@ -131,46 +109,5 @@ impl<'a> Step<'a> {
             self.cloth.scratch.active.prescribe_accelerations(a, self.settings.dt);
         }
         self.parts.halo().update(self.parts.ranks(), a);
-    }
-
-    /// The vertices that rest on bodies, by where the last acceleration takes them.
-    fn find_resting(&mut self) -> Vec<ActiveContact> {
-        let Self { parts, cloth, prescribed, contacts, settings, .. } = self;
-        let Some(collision) = &mut contacts.bodies else { return Vec::new() };
-        // Velocities predicted for the middle of the step, in the array of v½, which B.1 overwrites.
-        let (state, v_half) = (&cloth.state, &mut cloth.scratch.v_half);
-        for ((v_half, v), a) in v_half.iter_mut().zip(&state.v).zip(&state.a) {
-            *v_half = v + a * (0.5 * settings.dt);
-        }
-        let own = parts.own();
-        let (bodies, dt, recovery_speed) = (&prescribed.bodies, settings.dt, settings.recovery_speed);
-        let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own]);
-        let pinched_in_solves = settings.integrator.spec().pinched_in_solves;
-        let layers = contacts.cloth.as_ref().and_then(|contact| contact.layer_thickness());
-        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half, pinched_in_solves }, layers)
-    }
-
-    fn stages(&mut self) -> Stages<'_> {
-        let Self { parts, masses, cloth, dynamics, prescribed, contacts, settings, .. } = self;
-        let Prescribed { pins, targets, bodies, .. } = &**prescribed;
-        let Scratch { stages: Some(arrays), active, .. } = &mut cloth.scratch else {
-            unreachable!("a scene with this integrator has its arrays")
-        };
-        let at = StageContext {
-            parts,
-            masses,
-            dt: settings.dt,
-            stop: settings.stop,
-            recovery_speed: settings.recovery_speed,
-            held: settings.held.unwrap_or_default(),
-            start: &cloth.state,
-            wind: &dynamics.wind,
-            pins: pins.as_ref(),
-            targets,
-            extrapolated: EXTRAPOLATED * settings.mean_edge,
-        };
-        let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
-        let repulsion = contacts.cloth.as_mut().filter(|contact| contact.repels());
-        Stages { at, arrays, active, forces, volumes, repulsion, bodies }
     }
 }

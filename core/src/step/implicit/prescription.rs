@@ -1,4 +1,4 @@
-//! Velocities and positions that pins, contacts and held vertices prescribe in a stage of the implicit step.
+//! Velocities and positions that pins, contacts and held vertices prescribe in a stage of an implicit step.
 
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, ActiveSet};
@@ -10,7 +10,7 @@ use crate::solve::implicit_velocity::stop_held;
 use crate::solve::preconditioned_cg::Projection;
 
 /// Motion prescribed in a stage.
-pub(super) struct Prescription<'a> {
+pub(in crate::step) struct Prescription<'a> {
     pub(super) parts: &'a Parts,
     pub(super) pins: Option<&'a HardPins>,
     pub(super) targets: &'a PinTargets,
@@ -21,7 +21,7 @@ pub(super) struct Prescription<'a> {
 
 impl Prescription<'_> {
     /// Gives the velocities that are prescribed.
-    pub(super) fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
+    pub(in crate::step) fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
         self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
             let start = self.parts.ranges()[part].start;
             self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));
@@ -34,7 +34,7 @@ impl Prescription<'_> {
     }
 
     /// Gives the positions that are prescribed at a fraction of the step that began at `x`.
-    pub(super) fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
+    pub(in crate::step) fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
         self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
             let range = self.parts.ranges()[part].clone();
             for contact in self.active.of_part(part) {

@@ -1,18 +1,17 @@
 //! Newton's method with active contacts: the rounds of solves of a stage (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
 
-use super::ALPHA;
 use super::arrays::StageArrays;
 use super::parts::{PairsInTouch, parts_moved, parts_touched};
-use super::stages::{Stage, Stages};
+use super::stage::{StageEquation, StageSolver};
 use crate::Vec3;
-use crate::contact::bodies::active_set::{ActiveContact, Judges, StageEnd, Trust};
+use crate::contact::bodies::active_set::{ActiveContact, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
 use crate::contact::self_contact::SelfContact;
-use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, SETTLED};
+use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH};
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 
-impl Stages<'_> {
+impl StageSolver<'_> {
     /// The forces of pairs in touch where the stage stands, at a fraction of the step.
     pub(super) fn evaluate_pairs(&mut self, fraction: f64) {
         let Some(contact) = &mut self.repulsion else { return };
@@ -36,10 +35,10 @@ impl Stages<'_> {
     }
 
     /// Sets the residual with the forces of pairs that the solve before has found, from the residual without pairs.
-    fn set_solved_residual(&mut self, stage: Stage) {
+    fn set_solved_residual(&mut self, stage: &StageEquation) {
         let mut solved = std::mem::take(&mut self.arrays.solved_residual);
         solved.copy_from_slice(&self.arrays.residual);
-        self.add_pair_impulses(stage.share_of_pairs() * ALPHA * self.at.dt, &mut solved);
+        self.add_pair_impulses(stage.share_of_pairs * stage.weight, &mut solved);
         self.arrays.solved_residual = solved;
     }
 
@@ -47,25 +46,25 @@ impl Stages<'_> {
     ///
     /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
     /// alone, for all of its length.
-    fn add_pairs(&mut self, stage: Stage) {
-        let (share, alpha) = (stage.share_of_pairs(), ALPHA * self.at.dt);
-        self.evaluate_pairs(stage.fraction());
+    fn add_pairs(&mut self, stage: &StageEquation) {
+        let (share, weight) = (stage.share_of_pairs, stage.weight);
+        self.evaluate_pairs(stage.fraction);
         let mut residual = std::mem::take(&mut self.arrays.residual);
-        self.add_pair_impulses(share * alpha, &mut residual);
+        self.add_pair_impulses(share * weight, &mut residual);
         self.arrays.residual = residual;
         if let Some(contact) = &self.repulsion {
             let StageArrays { cg, pairs, .. } = &mut *self.arrays;
-            cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, alpha]);
+            cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, weight]);
         }
     }
 
     /// Whether some rank has a part to work on. All ranks call it together.
-    pub(super) fn is_unconverged(&self) -> bool {
+    pub(in crate::step) fn is_unconverged(&self) -> bool {
         self.at.parts.ranks().any(self.arrays.unconverged.contains(&true))
     }
 
     /// The parts in which the last change of velocities was more than `far` [m/s].
-    pub(super) fn parts_moved(&self, far: f64) -> Vec<bool> {
+    pub(in crate::step) fn parts_moved(&self, far: f64) -> Vec<bool> {
         let StageArrays { matrix, change, pairs, .. } = &*self.arrays;
         let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes() });
         parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
@@ -80,13 +79,11 @@ impl Stages<'_> {
 
     /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that
     /// are in touch where the solve comes to.
-    pub(super) fn solve(&mut self, stage: Stage) -> Outcome {
-        let alpha = ALPHA * self.at.dt;
-        let at = self.at;
+    pub(in crate::step) fn solve(&mut self, stage: &StageEquation) -> Outcome {
+        let (at, weight) = (self.at, stage.weight);
         self.set_residual(stage);
         self.add_pairs(stage);
         let mut total = Outcome::NONE;
-        let is_whole = stage != Stage::SecondAgain;
         let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
         let bears = at.parts.ranks().any(is_touched);
         let rough = ROUGH * at.stop.tolerance;
@@ -100,7 +97,7 @@ impl Stages<'_> {
             let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };
             // Coarse levels of the stage's first round serve the others: these solve for a share of the parts, and take up to half as
             // many iterations more than with levels of their own, which would cost more than they do.
-            if is_whole && round == 1 {
+            if !stage.positions_given && round == 1 {
                 cg.prepare(&system);
             } else {
                 cg.prepare_finest(&system);
@@ -116,12 +113,12 @@ impl Stages<'_> {
             total.converged = outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
-            let factors = [stage.share_of_pairs(), alpha];
+            let factors = [stage.share_of_pairs, weight];
             note_solution(pairs, cg.pairs_mut().products(), factors);
-            // In B.5 forces are linearised at these positions alone: the step ends at those of B.4.
+            // Where positions are given, forces are linearised at these alone: the step ends at those of B.4.
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
-                *x += change * alpha;
+                *x += change * weight;
             }
             if !bears {
                 self.arrays.unconverged.fill(false);
@@ -129,7 +126,7 @@ impl Stages<'_> {
             }
             let moved = self.parts_moved(CONVERGED * at.stop.tolerance);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
-            let is_exact = stage != Stage::SecondAgain || self.active.is_settled();
+            let is_exact = !stage.positions_given || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && is_exact;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
                 if is_unsettled {
@@ -146,17 +143,16 @@ impl Stages<'_> {
         total
     }
 
-    /// Stops vertices whose slip has turned round in a stage of B.1, and catches those that have come back into the body that had let
-    /// them go. In B.5 positions are given.
-    fn turn(&mut self, stage: Stage) {
-        if stage == Stage::SecondAgain {
+    /// Stops vertices whose slip has turned round in a stage, and catches those that have come back into the body that had let them go;
+    /// none where positions are given.
+    fn turn(&mut self, stage: &StageEquation) {
+        if stage.positions_given {
             return;
         }
         let (at, StageArrays { x, v, .. }) = (self.at, &mut *self.arrays);
-        // A vertex that stops within the step may move back at its end. Its displacement says where Coulomb's law leaves it.
-        let judges = if stage == Stage::Second { Judges::Positions } else { Judges::Velocities };
-        let (start, fraction) = (&*at.start.x, stage.fraction());
-        let any = self.active.turn(&StageEnd { start, fraction, dt: at.dt, alpha: ALPHA * at.dt, judges }, x, v);
+        let StageEquation { fraction, weight: alpha, judges, .. } = *stage;
+        let start = &*at.start.x;
+        let any = self.active.turn(&StageEnd { start, fraction, dt: at.dt, alpha, judges }, x, v);
         if at.parts.ranks().any(any) {
             // Pins decide where both hold.
             let prescription = at.with(self.active);
@@ -177,8 +173,8 @@ impl Stages<'_> {
     /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
     /// they bear there. It is for the parts that have moved far, and for those whose contacts are not settled; after a first, rough
     /// solve, which is right to `rough` [m/s], for all that touch something.
-    fn next_round(&mut self, stage: Stage, moved: Vec<bool>, rough: Option<f64>) {
-        let (at, alpha) = (self.at, ALPHA * self.at.dt);
+    fn next_round(&mut self, stage: &StageEquation, moved: Vec<bool>, rough: Option<f64>) {
+        let (at, own) = (self.at, self.at.parts.own().start);
         let touched = self.parts_touched();
         self.turn(stage);
         // What contacts bear has changed where they were solved for.
@@ -186,23 +182,24 @@ impl Stages<'_> {
         for ((solved, moved), touched) in solved.iter_mut().zip(&moved).zip(&touched) {
             *solved = *moved || (*solved && *touched);
         }
-        self.evaluate(stage.fraction(), true);
+        self.linearise(stage);
         self.set_residual(stage);
         self.set_solved_residual(stage);
         self.add_pairs(stage);
-        let StageArrays { residual, solved_residual, v_start, x, unconverged, .. } = &mut *self.arrays;
+        let StageArrays { residual, solved_residual, v_start, v_inertial, x, unconverged, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
-            if stage != Stage::First {
+            if !stage.begins_step {
                 return Vec3::zeros();
             }
             let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
             let change = start - v_start[contact.vertex];
             v_start[contact.vertex] = start;
-            x[contact.vertex] += change * alpha;
+            v_inertial[contact.vertex - own] = start;
+            x[contact.vertex] += change * stage.weight;
             change * at.masses[contact.vertex]
         };
         // Modes that only a rough solve shows to be wrong are looked at again.
-        let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: SETTLED[stage as usize] };
+        let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: stage.settled };
         let unsettled = self.active.update(at.parts, (residual, solved_residual), trust, restart);
         at.parts.halo().update(at.parts.ranks(), x);
         let next = moved.into_iter().zip(touched).zip(unsettled);

@@ -1,5 +1,4 @@
-//! Working memory of the implicit step (`docs/theory/tr_bdf2.md`): its matrix, and an array for each quantity of a
-//! stage.
+//! Working memory of an implicit step: its matrix, and an array for each quantity of a stage.
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
@@ -11,18 +10,20 @@ use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
 use crate::step::StepReport;
 
-/// Arrays of the implicit step; made once.
+/// Arrays of implicit steps; made once.
 #[derive(Debug)]
 pub(crate) struct StageArrays {
     pub(super) matrix: BlockMatrix,
     pub(super) slots: ElementSlots,
     pub(super) cg: PreconditionedCg,
     /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
-    pub(super) v_start: Vec<Vec3>,
+    pub(in crate::step) v_start: Vec<Vec3>,
     /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
-    pub(super) x: Vec<Vec3>,
-    pub(super) v: Vec<Vec3>,
-    pub(super) v_first: Vec<Vec3>,
+    pub(in crate::step) x: Vec<Vec3>,
+    pub(in crate::step) v: Vec<Vec3>,
+    pub(in crate::step) v_first: Vec<Vec3>,
+    /// Velocities of own vertices at the end of the stage if there were no forces [m/s].
+    pub(in crate::step) v_inertial: Vec<Vec3>,
     /// Forces on own vertices at the start, and at the stage [N].
     pub(super) f_start: Vec<Vec3>,
     pub(super) f: Vec<Vec3>,
@@ -31,13 +32,13 @@ pub(crate) struct StageArrays {
     /// The same with the forces of pairs that the solve before has found [N s].
     pub(super) solved_residual: Vec<Vec3>,
     /// Change of the velocities by a solve [m/s].
-    pub(super) change: Vec<Vec3>,
+    pub(in crate::step) change: Vec<Vec3>,
     /// Pairs of cloth in touch at the stage.
     pub(super) pairs: Vec<PairForce>,
     /// Own parts that the solves work on.
-    pub(super) unconverged: Vec<bool>,
+    pub(in crate::step) unconverged: Vec<bool>,
     /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
-    pub(super) unsettled_vertices: Option<Vec<u32>>,
+    pub(in crate::step) unsettled_vertices: Option<Vec<u32>>,
 }
 
 impl StageArrays {
@@ -67,6 +68,7 @@ impl StageArrays {
             x: local.clone(),
             v: local.clone(),
             v_first: local.clone(),
+            v_inertial: own.clone(),
             f_start: own.clone(),
             f: own.clone(),
             residual: own.clone(),
@@ -80,7 +82,7 @@ impl StageArrays {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let vectors = 5 * self.x.len() + 4 * self.f.len();
+        let vectors = 5 * self.x.len() + 5 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()
             + self.matrix.bytes()
