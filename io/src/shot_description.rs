@@ -98,13 +98,15 @@ pub struct CheckDescription {
     pub has_own_friction: Vec<bool>,
 }
 
-/// The material of a garment, as far as bodies feel it.
+/// The material of a garment, as far as checks and reports look at it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fabric {
     /// Name of the material.
     pub name: String,
     /// Its friction.
     pub friction: f64,
+    /// Largest strain that it takes.
+    pub strain_limit: f64,
 }
 
 /// Output of a run.

@@ -19,7 +19,7 @@ use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::memory_mesh::MemoryMeshes;
 use drapery_io::mesh_data::MeshData;
-use drapery_io::shot_description::{BodyThickness, OutputDescription, RenderMeshDescription, ShotDescription};
+use drapery_io::shot_description::{BodyThickness, Fabric, OutputDescription, RenderMeshDescription, ShotDescription};
 use drapery_io::units::Units;
 
 use crate::error::ShotError;
@@ -61,8 +61,8 @@ pub(crate) struct About {
     pub(crate) scene_last_frame: i64,
     /// Names of the garments.
     pub(crate) garments: Vec<String>,
-    /// Names of their materials; `None` where the scene names none.
-    pub(crate) materials: Vec<Option<String>>,
+    /// Their materials; `None` where the scene names none.
+    pub(crate) fabrics: Vec<Option<Fabric>>,
     /// Whether the scene promises cloth without crossings.
     pub(crate) keeps_free: bool,
     pub(crate) output: OutputDescription,
@@ -137,7 +137,7 @@ impl Shot {
             last_frame,
             scene_last_frame: description.frames[1],
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
-            materials: check.fabrics.iter().map(|fabric| fabric.as_ref().map(|fabric| fabric.name.clone())).collect(),
+            fabrics: check.fabrics.clone(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
             output,
             body_thickness,

@@ -57,7 +57,7 @@ pub fn page(run: &RunFolder) -> String {
     body += "</section>";
     body += &tables::degradations(run, &found);
     body += &tables::retries(run);
-    body += &tables::strains(&rows);
+    body += &tables::strains(&rows, &run.manifest.garments);
     body += &tables::stages(&rows);
     body += &tables::attempts(run);
     body += &tables::provenance(run);

@@ -6,6 +6,7 @@ use drapery_io::input_file;
 use drapery_shot::quality::{INEXACT, RETRIES};
 use drapery_shot::run_record::RESOLVED;
 use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::ManifestGarment;
 use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
 
 use super::status::Degradation;
@@ -109,9 +110,9 @@ fn troubles(run: &RunFolder, level: &str) -> String {
     found.into_iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns a table of the strain of each garment, in the order in which they appear; nothing for runs that do not say
-/// it.
-pub(super) fn strains(rows: &[FrameRow]) -> String {
+/// Returns a table of the strain of each garment beside the largest that its fabric takes, in the order in which they appear; nothing
+/// for runs without strains.
+pub(super) fn strains(rows: &[FrameRow], garments: &[ManifestGarment]) -> String {
     let mut worst: Vec<(&str, [(f64, i64); 2])> = Vec::new();
     for (frame, found) in rows.iter().flat_map(|row| row.strains.iter().map(|found| (row.frame, found))) {
         let values = [found.largest, found.p99_9].map(|value| (value, frame));
@@ -125,17 +126,37 @@ pub(super) fn strains(rows: &[FrameRow]) -> String {
     if worst.is_empty() {
         return String::new();
     }
-    let percent = |value: f64| number(format!("{} %", text::digits(100.0 * value)));
+    let percent = |value: f64| format!("{} %", text::digits(100.0 * value));
+    let limit_of = |name: &str| garments.iter().find(|garment| garment.name == name)?.strain_limit;
     let line = |(garment, [largest, most]): &(&str, [(f64, i64); 2])| {
         let frames = [largest.1, most.1].map(|frame| number(frame.to_string()));
         let [first, second] = frames;
-        vec![words(garment), percent(largest.0), first, percent(most.0), second]
+        let limit = limit_of(garment).map_or(String::new(), percent);
+        vec![words(garment), number(percent(largest.0)), first, number(percent(most.0)), second, number(limit)]
     };
-    let note = "<p>Strain of edges at the end of each frame (extension divided by rest length): the largest, and the 99.9th \
-                percentile, each in its worst frame.</p>";
-    let heads =
-        [words("garment"), number("largest"), number("in frame"), number("99.9th percentile"), number("in frame")];
-    section("Strain by garment", note, &heads, &worst.iter().map(line).collect::<Vec<_>>())
+    let is_beyond =
+        |(garment, [_, most]): &&(&str, [(f64, i64); 2])| limit_of(garment).is_some_and(|limit| most.0 > limit);
+    let beyond: Vec<&str> = worst.iter().filter(is_beyond).map(|(garment, _)| *garment).collect();
+    let mut note =
+        "<p>Strain of edges at the end of each frame (extension divided by rest length): the largest, and the 99.9th \
+                    percentile, each in its worst frame; and the largest strain that the fabric takes.</p>"
+            .to_owned();
+    if !beyond.is_empty() {
+        note += &format!(
+            "<p>Stretched beyond the limit of the fabric: {}. An empty table <code>[garment.strain_limit]</code> keeps cloth below \
+             it; with long steps an <code>extension</code> under <code>[garment.stretch]</code> makes the fabric stiffen.</p>",
+            escape(&beyond.join(", "))
+        );
+    }
+    let heads = [
+        words("garment"),
+        number("largest"),
+        number("in frame"),
+        number("99.9th percentile"),
+        number("in frame"),
+        number("limit of the fabric"),
+    ];
+    section("Strain by garment", &note, &heads, &worst.iter().map(line).collect::<Vec<_>>())
 }
 
 /// Returns a table of the time spent in each stage: in a run on several ranks the mean, and the least and the most of
@@ -336,12 +357,37 @@ fn set_by_hand(resolved: &str) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use drapery_shot::run_record::reader::GarmentStrainsRow;
 
     #[test]
     fn values_that_were_set_by_hand_are_found_with_their_tables() {
         let resolved = "# parameter fabric = \"silk\" (--set)\n# parameter size = 4 (scene)\n[solver]\ncfl = 2   # --set\n\
                         [[garment]]\nmaterial = \"silk\"   # --set fabric\nname = \"a # b\"   # scene\n";
         assert_eq!(set_by_hand(resolved), ["fabric = \"silk\"", "solver.cfl = 2"]);
+    }
+
+    #[test]
+    fn a_garment_beyond_the_limit_of_its_fabric_is_named_with_what_to_do() {
+        let garment =
+            |name: &str, strain_limit| ManifestGarment { name: name.into(), strain_limit, ..Default::default() };
+        let strains_of = |garment: &str, p99_9| GarmentStrainsRow {
+            garment: garment.into(),
+            largest: 0.2,
+            p99_9,
+            ..Default::default()
+        };
+        let rows = [0.09, 0.05].map(|p99_9| FrameRow {
+            strains: vec![strains_of("skirt", p99_9), strains_of("shirt", p99_9), strains_of("ribbon", p99_9)],
+            ..FrameRow::default()
+        });
+        let garments = [garment("skirt", Some(0.085)), garment("shirt", Some(0.134)), garment("ribbon", None)];
+        let page = strains(&rows, &garments);
+        assert!(
+            page.contains("beyond the limit of the fabric: skirt. An empty") && page.contains(">8.5 %</td>"),
+            "{page}"
+        );
+        assert!(page.contains(">13.4 %</td>") || page.contains(">13 %</td>"), "{page}");
+        assert!(!strains(&rows[1..], &garments).contains("beyond the limit"));
     }
 
     #[test]

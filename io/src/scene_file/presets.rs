@@ -28,7 +28,10 @@ pub(super) fn fill(
     fill_solver(root);
     let (used, files) = fill_materials(root, sources, folders)?;
     fill_bodies(root, &used);
-    let fabric = |material: &Material| Fabric { name: material.name.to_string(), friction: material.friction };
+    let fabric = |material: &Material| {
+        let Material { name, friction, strain_limit, .. } = material;
+        Fabric { name: name.to_string(), friction: *friction, strain_limit: *strain_limit }
+    };
     Ok((used.iter().map(|material| material.as_deref().map(fabric)).collect(), files))
 }
 

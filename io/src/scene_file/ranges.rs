@@ -5,16 +5,12 @@
 use std::sync::LazyLock;
 
 use drapery_core::settings::short;
-use schemars::Schema;
-use serde_json::{Value as Json, json};
+use serde_json::Value as Json;
 
 use super::deserialize::dotted;
 use super::diagnostics::SceneFileError;
 use super::raw::Document;
 use super::tree::{Node, Path, Segment, Sources, Value};
-
-/// Farthest place and longest time that a scene may name [m, s]: that of the solver, so that it can refuse what comes near it.
-const FARTHEST: f64 = drapery_core::scene::FARTHEST;
 
 static SCHEMA: LazyLock<Json> = LazyLock::new(|| schemars::schema_for!(Document).to_value());
 
@@ -108,28 +104,6 @@ fn expanded<'a>(forms: &[&'a Json]) -> Vec<&'a Json> {
 fn of_form(form: &Json) -> Option<Range> {
     let [least, most] = ["minimum", "maximum"].map(|key| form[key].as_f64());
     (least.is_some() || most.is_some()).then_some(Range { least, most })
-}
-
-/// The ranges of a place in space.
-pub(super) fn place() -> Json {
-    json!({ "type": "number", "minimum": -FARTHEST, "maximum": FARTHEST })
-}
-
-/// The form of points of a path, [[seconds, [x, y, z]], …].
-pub(super) fn path() -> Json {
-    let point = json!({ "type": "array", "items": place(), "minItems": 3, "maxItems": 3 });
-    json!({ "type": "array", "prefixItems": [place(), point], "minItems": 2, "maxItems": 2 })
-}
-
-/// Gives the points of a path their ranges.
-pub(super) fn points_in_space(schema: &mut Schema) {
-    schema.insert("items".to_owned(), path());
-}
-
-/// Gives fractions along the sides of a panel their ranges.
-pub(super) fn fractions(schema: &mut Schema) {
-    let fraction = json!({ "type": "number", "minimum": 0.0, "maximum": 1.0 });
-    schema.insert("items".to_owned(), json!({ "type": "array", "items": fraction, "minItems": 2, "maxItems": 2 }));
 }
 
 #[cfg(test)]

@@ -1,31 +1,19 @@
 //! Errors: what went wrong, in parts.
 
 use std::any::Any;
-use std::ffi::{CString, c_char};
+use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
 use drapery_shot::fault::{Fault, FaultKind};
 
 use crate::handles::{self, Object};
+use crate::objects::{ErrorParts, c_text};
 
 /// Error of a call. Functions that can fail take the address of such a pointer as their last argument; it is set to null where
 /// nothing went wrong. Null in its place is allowed: the code that is returned then says all.
 pub struct drapery_error {
     _opaque: [u8; 0],
-}
-
-/// An error with its texts as C has them.
-pub(crate) struct ErrorParts {
-    fault: Fault,
-    message: CString,
-    object: Option<CString>,
-}
-
-/// A text for C: what has a zero inside ends there.
-pub(crate) fn c_text(text: &str) -> CString {
-    let end = text.find('\0').unwrap_or(text.len());
-    CString::new(&text[..end]).unwrap_or_default()
 }
 
 /// Does the work of a function. What goes wrong, panics included, is handed to `error`; returns the code.

@@ -8,8 +8,8 @@ use drapery_shot::fault::{Fault, FaultKind};
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::session::SavedState;
 
-use crate::errors::ErrorParts;
-use crate::simulation::Simulation;
+use crate::objects::{ErrorParts, Simulation};
+use crate::{DRAPERY_DONE, DRAPERY_USAGE};
 
 /// Object behind a handle.
 #[derive(Clone)]
@@ -140,4 +140,9 @@ pub(crate) fn free<H>(handle: *mut H, is: fn(&Object) -> bool) -> bool {
     // Its memory is given back when others may already use the table.
     drop(table);
     freed.is_some()
+}
+
+/// Frees the object of a handle as [`free`] does; the code that C gets.
+pub(crate) fn freed<H>(handle: *mut H, is: fn(&Object) -> bool) -> i32 {
+    if handle.is_null() || free(handle, is) { DRAPERY_DONE } else { DRAPERY_USAGE }
 }

@@ -21,6 +21,7 @@
 mod arguments;
 mod errors;
 mod handles;
+mod objects;
 mod run;
 mod scene;
 mod simulation;

@@ -5,10 +5,10 @@ use std::ffi::c_char;
 use drapery_core::mesh::PolygonMesh;
 use drapery_shot::scene_source::SceneSource;
 
+use crate::DRAPERY_DONE;
 use crate::arguments::{array, place, points, text};
 use crate::errors::{drapery_error, guarded};
-use crate::handles::{self, Object};
-use crate::{DRAPERY_DONE, DRAPERY_USAGE};
+use crate::handles::{self, Object, freed};
 
 /// A scene: where it comes from, and what is set in it. Nothing is read before it is checked, simulated or run.
 pub struct drapery_scene {
@@ -165,9 +165,4 @@ pub unsafe extern "C" fn drapery_scene_check(scene: *const drapery_scene, error:
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_scene_free(scene: *mut drapery_scene) -> i32 {
     freed(scene, |object| matches!(object, Object::Scene(_)))
-}
-
-/// Frees the object of a handle and says whether there was one.
-pub(crate) fn freed<H>(handle: *mut H, is: fn(&Object) -> bool) -> i32 {
-    if handle.is_null() || handles::free(handle, is) { DRAPERY_DONE } else { DRAPERY_USAGE }
 }

@@ -3,15 +3,14 @@
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
-use drapery_io::mesh_data::MeshData;
-use drapery_shot::fault::Fault;
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::session::{Progress, Session};
 
 use crate::arguments::{give, place, points};
-use crate::errors::{c_text, drapery_error, guarded};
-use crate::handles::{self, Object};
-use crate::scene::{drapery_scene, freed};
+use crate::errors::{drapery_error, guarded};
+use crate::handles::{self, Object, freed};
+use crate::objects::Simulation;
+use crate::scene::drapery_scene;
 use crate::{DRAPERY_CANCELLED, DRAPERY_DONE};
 
 /// A scene at some frame. Any thread may use it, one at a time; a call while another is under way is an error.
@@ -43,36 +42,6 @@ pub struct drapery_summary {
     pub potential_energy: f64,
     /// Relative change of the length of the most stretched edge; 0 where there is none.
     pub max_strain: f64,
-}
-
-/// A session, and what C looks at of it.
-pub(crate) struct Simulation {
-    pub(crate) session: Session,
-    pub(crate) garments: Vec<CString>,
-    pub(crate) bodies: Vec<CString>,
-    pub(crate) warnings: Vec<CString>,
-    /// Meshes of garments whose faces were asked for.
-    pub(crate) meshes: Vec<Option<MeshData>>,
-    /// Counts of the last frame.
-    pub(crate) counts: Vec<(CString, u64)>,
-}
-
-impl Simulation {
-    fn new(session: Session) -> Result<Self, Fault> {
-        let shot = session.shot()?;
-        let description = shot.simulation().scene().description();
-        let garments: Vec<CString> = description.garments.iter().map(|garment| c_text(&garment.name)).collect();
-        let bodies = description.bodies.iter().map(|body| c_text(&body.name)).collect();
-        let warnings = shot.warnings().iter().map(|warning| c_text(&warning.to_string())).collect();
-        let meshes = garments.iter().map(|_| None).collect();
-        Ok(Self { session, garments, bodies, warnings, meshes, counts: Vec::new() })
-    }
-
-    /// Takes note of what was counted up to the present frame.
-    pub(crate) fn count(&mut self) {
-        let counts = self.session.summary().map(|summary| summary.metrics.counts()).unwrap_or_default();
-        self.counts = counts.iter().map(|(name, amount)| (c_text(name), *amount)).collect();
-    }
 }
 
 /// Argument with which a callback of C is called, on any thread.

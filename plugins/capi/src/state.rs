@@ -9,9 +9,9 @@ use drapery_shot::session::SavedState;
 use crate::DRAPERY_DONE;
 use crate::arguments::{place, text};
 use crate::errors::{drapery_error, guarded};
-use crate::handles::{self, Object};
-use crate::scene::freed;
-use crate::simulation::{Simulation, drapery_simulation};
+use crate::handles::{self, Object, freed};
+use crate::objects::Simulation;
+use crate::simulation::drapery_simulation;
 
 /// A state of a simulation. It belongs to that simulation; others of the same scene take it from a file.
 pub struct drapery_state {

@@ -10,7 +10,8 @@ use crate::DRAPERY_DONE;
 use crate::arguments::give;
 use crate::errors::{drapery_error, guarded};
 use crate::handles;
-use crate::simulation::{Simulation, count_in, drapery_simulation, name_in};
+use crate::objects::Simulation;
+use crate::simulation::{count_in, drapery_simulation, name_in};
 
 fn garments(simulation: &Simulation) -> &[CString] {
     &simulation.garments

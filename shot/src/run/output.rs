@@ -559,11 +559,13 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
     let garments = names(shot).zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
         let plan = cache_plan(shot, index);
+        let fabric = about.fabrics.get(index).and_then(Option::as_ref);
         ManifestGarment {
             name: name.to_owned(),
             object_path: plan.object_path(),
             points: plan.mesh.point_count(),
-            material: about.materials.get(index).cloned().flatten(),
+            material: fabric.map(|fabric| fabric.name.clone()),
+            strain_limit: fabric.map(|fabric| fabric.strain_limit),
             render_mesh_of,
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }

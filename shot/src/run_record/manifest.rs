@@ -104,7 +104,7 @@ pub struct AttemptRecord {
 }
 
 /// The caches of one garment, or of its render mesh.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ManifestGarment {
     /// Its name.
@@ -116,6 +116,9 @@ pub struct ManifestGarment {
     /// Its material, if the scene names one; of a render mesh none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
+    /// Largest strain that its material takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strain_limit: Option<f64>,
     /// The garment that it is the render mesh of, if it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub render_mesh_of: Option<String>,

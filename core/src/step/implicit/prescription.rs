@@ -21,7 +21,11 @@ pub(in crate::step) struct Prescription<'a> {
 
 impl Prescription<'_> {
     /// Gives the velocities that are prescribed.
-    pub(in crate::step) fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
+    pub(in crate::step) fn set_velocities(
+        &self,
+        v: &mut [Vec3],
+        of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync,
+    ) {
         self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
             let start = self.parts.ranges()[part].start;
             self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));

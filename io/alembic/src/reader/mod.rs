@@ -3,6 +3,7 @@
 mod archive;
 mod geom_param;
 mod object;
+mod open_file;
 mod poly_mesh;
 mod properties;
 pub(crate) mod tables;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::archive::Shared;
+use super::open_file::{Node, Shared};
 use super::properties::Compound;
 use crate::error::AlembicError;
 use crate::geom::Visibility;
@@ -41,7 +41,7 @@ pub struct Object {
 }
 
 impl Object {
-    fn node(&self) -> &super::archive::Node {
+    fn node(&self) -> &Node {
         &self.shared.nodes[self.index]
     }
 

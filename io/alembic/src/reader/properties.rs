@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::archive::{Budget, Shared};
+use super::open_file::{Budget, Shared};
 use super::tables::sample_group_size;
 use crate::error::{AlembicError, Fault};
 use crate::metadata::MetaData;

@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileUnits;
+use super::place_schemas::{fractions, points_in_space};
 use super::values::{Quantity, Rotation};
-use crate::scene_file::ranges::{fractions, points_in_space};
 
 /// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
 pub(in crate::scene_file) const MAX_RESOLUTION: u32 = 20_000;

@@ -6,6 +6,7 @@
 //! input files.
 
 mod garment;
+mod place_schemas;
 mod seam;
 mod values;
 

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::garment::{Corner, Region};
-use crate::scene_file::ranges::fractions;
+use super::place_schemas::fractions;
 
 /// Vertices that are drawn together and stay together, of one garment or of two.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]

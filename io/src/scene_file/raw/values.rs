@@ -6,7 +6,7 @@ use drapery_core::settings::Dimension;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::scene_file::ranges::{path, place};
+use super::place_schemas::{path, place};
 
 /// A number in the SI unit, or text with a unit such as "2 mm".
 #[derive(Debug, Clone, PartialEq)]
