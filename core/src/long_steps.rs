@@ -3,11 +3,11 @@
 
 // Rounds of a stage.
 
-/// Solves of a stage of B.1, each with the contact modes that fit the reactions of the solve before. A mode that is wrong after the last
-/// one is corrected in B.5, which may take as many as unsettled pairs, or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+/// Solves of a stage, each with the contact modes that fit the reactions of the solve before. A mode that is wrong after the last one of
+/// B.1 is corrected in B.5, which goes on until modes are settled, or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const MOST_ROUNDS: usize = 4;
 
-/// Most solves of a stage in which the last one has left a pair unsettled. A step with a stage that has not settled after all of them
+/// Most solves of a stage in which the last one has left a pair unsettled, or, where positions are given, a mode. A step with a stage that has not settled after all of them
 /// has gone wrong and is taken back. Guarded by `layers_with_one_step_a_frame_never_cross`.
 pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
 

@@ -193,6 +193,11 @@ impl<'a> Bench<'a> {
         if self.tier() == Tier::Quick { quick } else { full }
     }
 
+    /// `explicit` where elastic forces are explicit, `implicit` where they are part of the solves.
+    pub fn by_integrator<T>(&self, explicit: T, implicit: T) -> T {
+        if self.conditions.integrator.spec().is_implicit { implicit } else { explicit }
+    }
+
     /// Returns the counts of events that should not have happened.
     pub fn into_degradations(self) -> Vec<(String, u64)> {
         self.degradations.into_iter().collect()

@@ -18,7 +18,7 @@ pub struct BlockSystem<'a, C> {
     /// Masses of the local vertices [kg]; one without mass is held.
     pub masses: &'a [f64],
     /// Parts whose vertices are unknowns; those of the others stay as they are.
-    pub solved: &'a [bool],
+    pub worked_on: &'a [bool],
     /// A [kg], but for the pairs.
     pub matrix: &'a BlockMatrix,
     /// P.

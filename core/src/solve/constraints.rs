@@ -55,9 +55,9 @@ impl Constraints {
 
     /// Takes over what constrains the parts that are solved, and holds what has no mass: nothing says how it moves.
     pub(super) fn update(&mut self, system: &BlockSystem<'_, impl Projection>) {
-        let BlockSystem { parts, masses, solved, constraints, .. } = *system;
+        let BlockSystem { parts, masses, worked_on, constraints, .. } = *system;
         parts.for_each(PerPart(&mut self.parts), &|part, list| {
-            if !solved[part] {
+            if !worked_on[part] {
                 return;
             }
             let list = &mut list.0[0];

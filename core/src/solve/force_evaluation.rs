@@ -55,7 +55,7 @@ pub(crate) struct ForceEvaluation<'a> {
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
     /// Parts that are worked on; forces on the others and their rows of the matrix stay what they were.
-    pub solved: &'a [bool],
+    pub worked_on: &'a [bool],
     /// Positions of the local vertices [m], ghosts like those of their owners.
     pub x: &'a [Vec3],
     /// Velocities, likewise [m/s].
@@ -70,7 +70,7 @@ impl ForceEvaluation<'_> {
     /// The forces on own vertices [N]: those that depend on positions and those that depend on velocities.
     pub(crate) fn forces(&self, forces: &mut PartForces, f: &mut [Vec3]) {
         self.parts.for_each((PerVertex(f), PerPart(forces)), &|part, (f, forces)| {
-            if self.solved[part] {
+            if self.worked_on[part] {
                 self.of_part(part, &mut forces.0[0], f.0, None);
             }
         });
@@ -87,7 +87,7 @@ impl ForceEvaluation<'_> {
     ) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
-            if self.solved[part] {
+            if self.worked_on[part] {
                 let assembly = Assembly { factors, slots: slots.of_part(part), rows: &mut rows.0[0] };
                 self.of_part(part, &mut forces.0[0], f.0, Some(assembly));
             }

@@ -119,7 +119,7 @@ impl PreconditionedCg {
         let (parts, pairs) = (system.parts, &self.pairs);
         self.constraints.update(system);
         parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
-            if !system.solved[part] {
+            if !system.worked_on[part] {
                 return;
             }
             let mut blocks = system.matrix.parts()[part].diagonal_blocks();
@@ -176,9 +176,9 @@ impl PreconditionedCg {
         self.residuals.fill(0.0);
         let (parts, start) = (system.parts, system.parts.own().start);
         let coarse = self.coarse.parts_mut();
-        for ((range, solved), coarse) in parts.ranges().iter().zip(system.solved).zip(coarse) {
+        for ((range, worked_on), coarse) in parts.ranges().iter().zip(system.worked_on).zip(coarse) {
             let own = range.start - start..range.end - start;
-            if *solved {
+            if *worked_on {
                 self.r[own.clone()].iter_mut().zip(&b[own]).for_each(|(r, b)| *r = Simd4::from(b));
             } else {
                 coarse.restrict(&self.r[own]);
@@ -242,7 +242,7 @@ impl PreconditionedCg {
         let coarse = PerPart(self.coarse.parts_mut());
         let first = parts.own().start;
         parts.for_each((vectors, sums, coarse), &|part, ((r, q), (dots, residuals), coarse)| {
-            if !system.solved[part] {
+            if !system.worked_on[part] {
                 return;
             }
             r.0.iter_mut().zip(&*q.0).for_each(|(r, q)| *r -= *q * alpha);
@@ -278,7 +278,7 @@ impl PreconditionedCg {
         }
         let vectors = (PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.d[own]), PerVertex(&mut self.r));
         parts.for_each(vectors, &|part, (s, d, r)| {
-            if !system.solved[part] {
+            if !system.worked_on[part] {
                 return;
             }
             let steps = s.0.iter_mut().zip(&mut *d.0).zip(&*r.0).zip(inverses[part].blocks());
@@ -309,7 +309,7 @@ impl PreconditionedCg {
         let (parts, s) = (system.parts, &self.s);
         let (constraints, pairs, reaches_ghosts) = (&self.constraints, &self.pairs, &self.reaches_ghosts);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
-            if !system.solved[part] || !reach.includes(reaches_ghosts[part]) {
+            if !system.worked_on[part] || !reach.includes(reaches_ghosts[part]) {
                 return;
             }
             system.matrix.parts()[part].multiply_padded(s, q.0);

@@ -13,7 +13,7 @@
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
-//! [`Step::LISTING`] has a line for each of B.1 to B.8. Long steps have a listing of their own, [`Step::IMPLICIT_LISTING`]
+//! [`Step::LISTING`] has a line for each of B.1 to B.8. Long steps have a listing of their own, [`Step::TR_BDF2_LISTING`]
 //! (`docs/theory/tr_bdf2.md`). A and C are around the steps, in `crate::simulation`.
 
 mod groups;
@@ -135,7 +135,7 @@ impl<'a> Step<'a> {
     /// The lines of a step with this integrator.
     pub(crate) fn listing(integrator: Integrator) -> &'a [Line<'a>] {
         match integrator {
-            Integrator::TrBdf2 => &Self::IMPLICIT_LISTING,
+            Integrator::TrBdf2 => &Self::TR_BDF2_LISTING,
             Integrator::SemiImplicit => &Self::LISTING,
         }
     }

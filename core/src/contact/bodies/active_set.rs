@@ -233,7 +233,7 @@ impl ActiveContact {
     fn turn(&mut self, at: &StageEnd<'_>, (start, x, v): (&Vec3, &mut Vec3, &mut Vec3)) -> bool {
         let body = self.velocity_at(at.fraction, at.dt);
         let mode = match self.mode {
-            ContactMode::Slips(against) if at.judges == Judges::Positions => {
+            ContactMode::Slips(against) if at.reversal_test == ReversalTest::Positions => {
                 let slid = *x - (start + self.carried * at.fraction);
                 (slid.dot(&against) > 0.0).then_some(ContactMode::Sticks)
             }
@@ -318,7 +318,7 @@ pub(crate) struct StartOfContact {
 
 /// Quantity that shows that a slip has turned round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Judges {
+pub(crate) enum ReversalTest {
     /// The velocity at the end of the stage.
     Velocities,
     /// The displacement since the start of the step.
@@ -337,13 +337,13 @@ pub(crate) struct StageEnd<'a> {
     /// Weight of velocities in positions [s].
     pub alpha: f64,
     /// Quantity that shows that a slip has turned round.
-    pub judges: Judges,
+    pub reversal_test: ReversalTest,
 }
 
 /// Duration and masses from which the drag of surfaces in a stage follows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StageDrag<'a> {
-    /// Length of the stage [s].
+    /// Time for which the drag acts in the stage [s].
     pub duration: f64,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],

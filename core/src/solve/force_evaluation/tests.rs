@@ -47,8 +47,8 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let mut force = |x: &[Vec3], v_at: &[Vec3], matrix: Option<&mut BlockMatrix>| {
         let context = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
-        let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
-        let at = ForceEvaluation { parts, masses, solved, x, v: v_at, fraction: 0.0, context };
+        let (parts, masses, worked_on) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
+        let at = ForceEvaluation { parts, masses, worked_on, x, v: v_at, fraction: 0.0, context };
         let mut f = vec![Vec3::zeros(); x.len()];
         match matrix {
             Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix, &slots),
@@ -142,8 +142,8 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         let (x, s) = (stretched(&scene), direction(N * N));
         let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let (v, mut f) = (vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]);
-        let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
-        ForceEvaluation { parts, masses, solved, x: &x, v: &v, fraction: 0.0, context }.forces(&mut forces, &mut f);
+        let (parts, masses, worked_on) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
+        ForceEvaluation { parts, masses, worked_on, x: &x, v: &v, fraction: 0.0, context }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
             let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn Force>>)| -> f64 {

@@ -70,8 +70,8 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
 /// The levels of a sheet with constraints.
 fn prepared(sheet: &Sheet, parts: &Parts, matrix: &BlockMatrix) -> Multilevel {
     let mut constraints = Constraints::none(parts);
-    let (masses, solved) = (&*sheet.masses, &*vec![true; parts.count()]);
-    constraints.update(&BlockSystem { parts, masses, solved, matrix, constraints: &Constrained(parts) });
+    let (masses, worked_on) = (&*sheet.masses, &*vec![true; parts.count()]);
+    constraints.update(&BlockSystem { parts, masses, worked_on, matrix, constraints: &Constrained(parts) });
     let mut levels = Multilevel::new(parts, matrix);
     levels.prepare(parts, matrix, &PairTerms::default(), &constraints);
     levels

@@ -18,7 +18,7 @@ struct SheetSystem {
     parts: Parts,
     matrix: BlockMatrix,
     masses: Vec<f64>,
-    solved: Vec<bool>,
+    worked_on: Vec<bool>,
     what: What,
 }
 
@@ -26,13 +26,13 @@ impl SheetSystem {
     fn new(sheet: &Sheet, ranks: &Ranks, what: What) -> Self {
         let parts = sheet.parts(ranks);
         let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
-        let solved = vec![true; parts.count()];
-        Self { parts, matrix, masses, solved, what }
+        let worked_on = vec![true; parts.count()];
+        Self { parts, matrix, masses, worked_on, what }
     }
 
     fn blocks(&self) -> BlockSystem<'_, Self> {
-        let Self { parts, matrix, masses, solved, .. } = self;
-        BlockSystem { parts, masses, solved, matrix, constraints: self }
+        let Self { parts, matrix, masses, worked_on, .. } = self;
+        BlockSystem { parts, masses, worked_on, matrix, constraints: self }
     }
 
     /// A solver with the preconditioner of this system.
@@ -122,7 +122,7 @@ fn solve_some(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) 
     let (outcome, _) = system.solve(&mut cg, &b);
     assert!(outcome.converged);
     let parts = &system.parts;
-    system.solved = parts.ranges().iter().map(|range| is_solved(parts.number(range.start))).collect();
+    system.worked_on = parts.ranges().iter().map(|range| is_solved(parts.number(range.start))).collect();
     cg.prepare_finest(&system.blocks());
     let (outcome, d) = system.solve(&mut cg, &b);
     (outcome, system.own(&d))

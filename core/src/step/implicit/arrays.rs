@@ -36,7 +36,7 @@ pub(crate) struct StageArrays {
     /// Pairs of cloth in touch at the stage.
     pub(super) pairs: Vec<PairForce>,
     /// Own parts that the solves work on.
-    pub(in crate::step) unconverged: Vec<bool>,
+    pub(in crate::step) worked_on: Vec<bool>,
     /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
     pub(in crate::step) unsettled_vertices: Option<Vec<u32>>,
 }
@@ -75,7 +75,7 @@ impl StageArrays {
             solved_residual: own,
             change: local,
             pairs: Vec::new(),
-            unconverged: vec![true; parts.count()],
+            worked_on: vec![true; parts.count()],
             unsettled_vertices: None,
         }
     }

@@ -1,10 +1,6 @@
 //! Stages of implicit steps: Newton's method with active contacts (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
 //!
-//! A scheme says by a [`StageEquation`] what a stage balances and predicts its end; [`StageSolver`] solves it:
-//!
-//! ```text
-//! m v = m v_inertial + τ f(x, v),   x moves by τ with v
-//! ```
+//! A scheme says by a [`StageEquation`] what a stage balances and predicts its end; [`StageSolver`] solves it.
 //!
 //! One linear solve is enough where nothing touches. Vertices that rest on bodies move with them in the solves
 //! ([`crate::contact::bodies::active_set`]), and pairs of cloth repel each other there.

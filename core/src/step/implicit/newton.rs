@@ -22,12 +22,12 @@ impl StageSolver<'_> {
     /// Adds the forces of pairs times `duration` [s] to `impulses` of the own vertices that are worked on [N s].
     pub(super) fn add_pair_impulses(&self, duration: f64, impulses: &mut [Vec3]) {
         let Some(contact) = &self.repulsion else { return };
-        let StageArrays { pairs, unconverged, .. } = &*self.arrays;
+        let StageArrays { pairs, worked_on, .. } = &*self.arrays;
         let (own, parts) = (contact.nodes().own(), self.at.parts);
         for pair in pairs {
             for (node, weight) in pair.nodes.iter().zip(pair.weights) {
                 let vertex = (*node as usize).wrapping_sub(own.start);
-                if vertex < own.len() && unconverged[parts.part_of(vertex + parts.own().start)] {
+                if vertex < own.len() && worked_on[parts.part_of(vertex + parts.own().start)] {
                     impulses[vertex] += pair.force * (weight * duration);
                 }
             }
@@ -59,8 +59,8 @@ impl StageSolver<'_> {
     }
 
     /// Whether some rank has a part to work on. All ranks call it together.
-    pub(in crate::step) fn is_unconverged(&self) -> bool {
-        self.at.parts.ranks().any(self.arrays.unconverged.contains(&true))
+    pub(in crate::step) fn has_work(&self) -> bool {
+        self.at.parts.ranks().any(self.arrays.worked_on.contains(&true))
     }
 
     /// The parts in which the last change of velocities was more than `far` [m/s].
@@ -85,16 +85,16 @@ impl StageSolver<'_> {
         self.add_pairs(stage);
         let mut total = Outcome::NONE;
         let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
-        let bears = at.parts.ranks().any(is_touched);
+        let in_contact = at.parts.ranks().any(is_touched);
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
         // No round changes which vertices are dragged.
         let masses = self.active.masses_with_drag(&self.drag(stage));
         for round in 1.. {
             let prescription = at.with(self.active);
-            let StageArrays { matrix, cg, residual, change, x, v, unconverged, pairs, .. } = &mut *self.arrays;
+            let StageArrays { matrix, cg, residual, change, x, v, worked_on, pairs, .. } = &mut *self.arrays;
             let (parts, masses, matrix) = (self.at.parts, &*masses, &*matrix);
-            let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };
+            let system = BlockSystem { parts, masses, worked_on, matrix, constraints: &prescription };
             // Coarse levels of the stage's first round serve the others: these solve for a share of the parts, and take up to half as
             // many iterations more than with levels of their own, which would cost more than they do.
             if !stage.positions_given && round == 1 {
@@ -102,7 +102,7 @@ impl StageSolver<'_> {
             } else {
                 cg.prepare_finest(&system);
             }
-            let outcome = if bears {
+            let outcome = if in_contact {
                 cg.newton_step(&system, residual, change, at.stop, &mut forcing)
             } else {
                 cg.solve(&system, residual, change, at.stop)
@@ -120,23 +120,23 @@ impl StageSolver<'_> {
                 *v += change;
                 *x += change * weight;
             }
-            if !bears {
-                self.arrays.unconverged.fill(false);
+            if !in_contact {
+                self.arrays.worked_on.fill(false);
                 break;
             }
             let moved = self.parts_moved(CONVERGED * at.stop.tolerance);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
-            let is_exact = !stage.positions_given || self.active.is_settled();
-            let is_last = round >= MOST_ROUNDS && !is_unsettled && is_exact;
+            let modes_settled = !stage.positions_given || self.active.is_settled();
+            let is_last = round >= MOST_ROUNDS && !is_unsettled && modes_settled;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
                 if is_unsettled {
                     self.note_unsettled();
                 }
-                self.arrays.unconverged = moved;
+                self.arrays.worked_on = moved;
                 break;
             }
             self.next_round(stage, moved, (round == 1).then_some(rough));
-            if !self.is_unconverged() {
+            if !self.has_work() {
                 break;
             }
         }
@@ -150,9 +150,9 @@ impl StageSolver<'_> {
             return;
         }
         let (at, StageArrays { x, v, .. }) = (self.at, &mut *self.arrays);
-        let StageEquation { fraction, weight: alpha, judges, .. } = *stage;
+        let StageEquation { fraction, weight: alpha, reversal_test, .. } = *stage;
         let start = &*at.start.x;
-        let any = self.active.turn(&StageEnd { start, fraction, dt: at.dt, alpha, judges }, x, v);
+        let any = self.active.turn(&StageEnd { start, fraction, dt: at.dt, alpha, reversal_test }, x, v);
         if at.parts.ranks().any(any) {
             // Pins decide where both hold.
             let prescription = at.with(self.active);
@@ -170,32 +170,34 @@ impl StageSolver<'_> {
         self.arrays.unsettled_vertices.get_or_insert_default().append(&mut { own });
     }
 
-    /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
-    /// they bear there. It is for the parts that have moved far, and for those whose contacts are not settled; after a first, rough
-    /// solve, which is right to `rough` [m/s], for all that touch something.
+    /// Prepares the next round: the forces and the matrix where a solve has come to, and modes of contacts that fit what they bear there.
+    /// The round works on the parts that have moved far, and on those whose contacts are not settled; after a first, rough solve, which is
+    /// right to `rough` [m/s], on all that touch something.
     fn next_round(&mut self, stage: &StageEquation, moved: Vec<bool>, rough: Option<f64>) {
         let (at, own) = (self.at, self.at.parts.own().start);
         let touched = self.parts_touched();
         self.turn(stage);
         // What contacts bear has changed where they were solved for.
-        let solved = &mut self.arrays.unconverged;
-        for ((solved, moved), touched) in solved.iter_mut().zip(&moved).zip(&touched) {
-            *solved = *moved || (*solved && *touched);
+        let worked_on = &mut self.arrays.worked_on;
+        for ((worked_on, moved), touched) in worked_on.iter_mut().zip(&moved).zip(&touched) {
+            *worked_on = *moved || (*worked_on && *touched);
         }
         self.linearise(stage);
         self.set_residual(stage);
         self.set_solved_residual(stage);
         self.add_pairs(stage);
-        let StageArrays { residual, solved_residual, v_start, v_inertial, x, unconverged, .. } = &mut *self.arrays;
+        let StageArrays { residual, solved_residual, v_start, v_inertial, x, worked_on, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
-            if !stage.begins_step {
+            if !stage.may_restart {
                 return Vec3::zeros();
             }
             let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
             let change = start - v_start[contact.vertex];
             v_start[contact.vertex] = start;
             v_inertial[contact.vertex - own] = start;
-            x[contact.vertex] += change * stage.weight;
+            if stage.feels_start {
+                x[contact.vertex] += change * stage.weight;
+            }
             change * at.masses[contact.vertex]
         };
         // Modes that only a rough solve shows to be wrong are looked at again.
@@ -203,8 +205,8 @@ impl StageSolver<'_> {
         let unsettled = self.active.update(at.parts, (residual, solved_residual), trust, restart);
         at.parts.halo().update(at.parts.ranks(), x);
         let next = moved.into_iter().zip(touched).zip(unsettled);
-        for (unconverged, ((moved, touched), unsettled)) in unconverged.iter_mut().zip(next) {
-            *unconverged &= moved || (rough.is_some() && touched) || unsettled;
+        for (worked_on, ((moved, touched), unsettled)) in worked_on.iter_mut().zip(next) {
+            *worked_on &= moved || (rough.is_some() && touched) || unsettled;
         }
     }
 }

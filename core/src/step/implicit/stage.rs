@@ -4,7 +4,7 @@ use super::arrays::StageArrays;
 use super::prescription::Prescription;
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
-use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Judges, StageDrag, StartOfContact};
+use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, ReversalTest, StageDrag, StartOfContact};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
@@ -17,22 +17,27 @@ use crate::state::State;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
-/// A stage as Newton's method sees it: `m v = m v_inertial + τ f(x, v)`, in which `x` moves by τ with `v`.
+/// A stage as Newton's method sees it. It finds `v`, and with it `x`, which moves by h with `v`:
+///
+/// ```text
+/// m v = m v_inertial + h (f(x, v) + f_start) + h s (pairs(x, v) + drag(v)) + friction,   f_start only if it feels the start
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub(in crate::step) struct StageEquation {
     /// End of the stage, as a fraction of the step.
     pub(in crate::step) fraction: f64,
-    /// Time for which the stage feels the forces of its end, and by which its positions follow its velocities, τ [s].
+    /// Time for which the stage feels the forces of its end, and by which its positions follow its velocities, h [s].
     pub(in crate::step) weight: f64,
-    /// Time for which it feels the pairs of its end and the drag of pinching surfaces, over τ.
+    /// Time for which it feels the pairs of its end and the drag of pinching surfaces, over h: s.
     pub(in crate::step) share_of_pairs: f64,
-    /// True if it begins where the step does: contacts may change the velocities that it starts with, and it feels the forces of the start
-    /// for τ as well.
-    pub(in crate::step) begins_step: bool,
+    /// True if it feels the forces of the start of the step for h as well, and its positions follow the velocities there by h.
+    pub(in crate::step) feels_start: bool,
+    /// True if contacts that change their modes change the velocities that the step starts with.
+    pub(in crate::step) may_restart: bool,
     /// True if positions are given, and the stage is solved for velocities alone.
     pub(in crate::step) positions_given: bool,
     /// Quantity that shows that a slip has turned round.
-    pub(in crate::step) judges: Judges,
+    pub(in crate::step) reversal_test: ReversalTest,
     /// Share of the reactions of bodies that may be beyond Coulomb's law at the end.
     pub(in crate::step) settled: f64,
 }
@@ -86,7 +91,7 @@ impl<'a> StageSolver<'a> {
     pub(in crate::step) fn begin(&mut self, first: f64) {
         let at = self.at;
         self.arrays.x.copy_from_slice(&at.start.x);
-        self.arrays.unconverged.fill(true);
+        self.arrays.worked_on.fill(true);
         self.arrays.pairs.clear();
         self.evaluate_start();
         if let Some(contact) = &mut self.repulsion {
@@ -131,12 +136,12 @@ impl<'a> StageSolver<'a> {
 
     /// The forces on the parts that are worked on, at a fraction of the step, and the matrix with these factors.
     fn evaluate(&mut self, fraction: f64, matrix_factors: Option<BlockFactors>) {
-        let StageArrays { matrix, slots, x, v, f, unconverged: solved, .. } = &mut *self.arrays;
+        let StageArrays { matrix, slots, x, v, f, worked_on, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
         let time = self.at.start.time + fraction * self.at.dt;
         let context = ForceContext { time, targets, v, wind, volumes };
-        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, solved, x, v, fraction, context };
+        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, worked_on, x, v, fraction, context };
         match matrix_factors {
             Some(factors) => at.linearise(self.forces, f, factors, matrix, slots),
             None => at.forces(self.forces, f),
@@ -151,15 +156,15 @@ impl<'a> StageSolver<'a> {
     /// Sets the residual of a stage where it stands, without the forces of pairs in touch.
     pub(super) fn set_residual(&mut self, stage: &StageEquation) {
         let (weight, parts, drag) = (stage.weight, self.at.parts, self.drag(stage));
-        let StageArrays { v_inertial, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
-        for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| unconverged[*part]) {
+        let StageArrays { v_inertial, v, f_start, f, residual, worked_on, .. } = &mut *self.arrays;
+        for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| worked_on[*part]) {
             let own = range.start - parts.own().start..range.end - parts.own().start;
             let residual = &mut residual[own.clone()];
             let forces = f_start[own.clone()].iter().zip(&f[own.clone()]);
             let masses = &self.at.masses[range.clone()];
             let ends = v_inertial[own].iter().zip(&v[range.clone()]).zip(masses).zip(forces);
             for (residual, (((inertial, v), m), (f_start, f))) in residual.iter_mut().zip(ends) {
-                let force = if stage.begins_step { f_start + f } else { *f };
+                let force = if stage.feels_start { f_start + f } else { *f };
                 *residual = (inertial - v) * *m + force * weight;
             }
             self.active.add_friction(part, range.start, residual);

@@ -27,7 +27,7 @@ const U: f64 = W - 1.0;
 
 impl<'a> Step<'a> {
     /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
-    pub(crate) const IMPLICIT_LISTING: [Line<'a>; 10] = [
+    pub(crate) const TR_BDF2_LISTING: [Line<'a>; 10] = [
         ("B.1", Self::implicit_half_velocity),
         ("B.2", Self::limit_half_strain),
         ("B.3", Self::positions),
@@ -98,7 +98,7 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// The acceleration at the end, with which the next step foresees: that between the stages.
+    /// Stores the acceleration between the stages, (v₂ − v₁)/((1 − γ) dt), from which the next step predicts.
     pub(super) fn keep_acceleration(&mut self) {
         let a = &mut self.cloth.state.a;
         let over = 1.0 / ((1.0 - GAMMA) * self.settings.dt);

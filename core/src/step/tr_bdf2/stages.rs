@@ -2,7 +2,7 @@
 
 use super::{ALPHA, GAMMA, U, W};
 use crate::Vec3;
-use crate::contact::bodies::active_set::{ActiveContact, Judges};
+use crate::contact::bodies::active_set::{ActiveContact, ReversalTest};
 use crate::long_steps::SETTLED;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::step::implicit::{StageArrays, StageEquation, StageSolver};
@@ -15,9 +15,10 @@ fn trapezoid(dt: f64) -> StageEquation {
         // A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
         // alone, for all of its length.
         share_of_pairs: 2.0,
-        begins_step: true,
+        feels_start: true,
+        may_restart: true,
         positions_given: false,
-        judges: Judges::Velocities,
+        reversal_test: ReversalTest::Velocities,
         settled: SETTLED[0],
     }
 }
@@ -25,8 +26,16 @@ fn trapezoid(dt: f64) -> StageEquation {
 /// BDF2 over the step.
 fn bdf2(dt: f64) -> StageEquation {
     // A vertex that stops within the step may move back at its end. Its displacement says where Coulomb's law leaves it.
-    let (judges, settled) = (Judges::Positions, SETTLED[1]);
-    StageEquation { fraction: 1.0, share_of_pairs: 1.0, begins_step: false, judges, settled, ..trapezoid(dt) }
+    let (reversal_test, settled) = (ReversalTest::Positions, SETTLED[1]);
+    StageEquation {
+        fraction: 1.0,
+        share_of_pairs: 1.0,
+        feels_start: false,
+        may_restart: false,
+        reversal_test,
+        settled,
+        ..trapezoid(dt)
+    }
 }
 
 /// BDF2 at given positions.
@@ -65,8 +74,8 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
 pub(super) fn second_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let (at, stage) = (solver.at, bdf2(solver.at.dt));
     set_inertial(solver);
-    let StageArrays { v_start, v_first, x, v, unconverged, .. } = &mut *solver.arrays;
-    unconverged.fill(true);
+    let StageArrays { v_start, v_first, x, v, worked_on, .. } = &mut *solver.arrays;
+    worked_on.fill(true);
     for ((v, start), first) in v.iter_mut().zip(&*v_start).zip(&*v_first) {
         *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA), stage.weight);
     }
@@ -112,10 +121,10 @@ pub(super) fn second_stage_again(
     at.parts.halo().update(at.parts.ranks(), &mut solver.arrays.change);
     // What only rounding moves was not moved.
     let moved = solver.parts_moved(f64::EPSILON.sqrt() * at.stop.tolerance);
-    for (part, (unconverged, moved)) in solver.arrays.unconverged.iter_mut().zip(moved).enumerate() {
-        *unconverged |= moved || !solver.active.of_part(part).is_empty();
+    for (part, (worked_on, moved)) in solver.arrays.worked_on.iter_mut().zip(moved).enumerate() {
+        *worked_on |= moved || !solver.active.of_part(part).is_empty();
     }
-    if !solver.is_unconverged() {
+    if !solver.has_work() {
         return Outcome::NONE;
     }
     let prescription = at.with(solver.active);

@@ -1,10 +1,9 @@
 //! The opened file behind an archive, its objects and their properties.
 
+use super::tables::Tables;
 use crate::error::Fault;
 use crate::metadata::MetaData;
 use crate::ogawa::{ChunkSource, Group};
-
-use super::tables::Tables;
 
 /// An opened file with its tables and objects.
 #[derive(Debug)]
