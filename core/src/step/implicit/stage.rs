@@ -61,9 +61,9 @@ pub(in crate::step) struct StepContext<'a> {
 }
 
 impl<'a> StepContext<'a> {
-    /// Extrapolated change of a velocity in a stage whose positions move by `weight` with it [s], capped [m/s].
-    pub(in crate::step) fn extrapolated(&self, change: Vec3, weight: f64) -> Vec3 {
-        let moved = change.norm() * weight;
+    /// Extrapolated change of a velocity in a stage whose positions move with it for this fraction of the step, capped [m/s].
+    pub(in crate::step) fn extrapolated(&self, change: Vec3, fraction: f64) -> Vec3 {
+        let moved = change.norm() * fraction * self.dt;
         if moved > self.extrapolated { change * (self.extrapolated / moved) } else { change }
     }
 

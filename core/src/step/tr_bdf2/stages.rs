@@ -50,7 +50,7 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let StageArrays { v_start, v_inertial, x, v, .. } = &mut *solver.arrays;
     v_inertial.copy_from_slice(&v_start[at.parts.own()]);
     for ((v, start), a) in v.iter_mut().zip(&*v_start).zip(&at.start.a) {
-        *v = start + at.extrapolated(a * (GAMMA * at.dt), stage.weight);
+        *v = start + at.extrapolated(a * (GAMMA * at.dt), ALPHA);
     }
     let prescription = at.with(solver.active);
     prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, at.dt)));
@@ -77,7 +77,7 @@ pub(super) fn second_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let StageArrays { v_start, v_first, x, v, worked_on, .. } = &mut *solver.arrays;
     worked_on.fill(true);
     for ((v, start), first) in v.iter_mut().zip(&*v_start).zip(&*v_first) {
-        *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA), stage.weight);
+        *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA), ALPHA);
     }
     let prescription = at.with(solver.active);
     prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
