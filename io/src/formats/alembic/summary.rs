@@ -19,7 +19,9 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
         .iter()
         .map(|(key, value)| (key.trim_start_matches("_ai_").to_owned(), value.to_owned()))
         .collect();
-    properties.push(("library".into(), archive.library_version().to_string()));
+    let version = archive.library_version();
+    let [major, minor, patch] = [version / 10_000, version / 100 % 100, version % 100];
+    properties.push(("Alembic version".into(), format!("{major}.{minor}.{patch}")));
     let others = archive
         .objects()
         .filter(|o| !matches!(o.schema(), Schema::PolyMesh | Schema::SubD | Schema::FaceSet))
