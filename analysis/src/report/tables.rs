@@ -370,12 +370,7 @@ mod tests {
     fn a_garment_beyond_the_limit_of_its_fabric_is_named_with_what_to_do() {
         let garment =
             |name: &str, strain_limit| ManifestGarment { name: name.into(), strain_limit, ..Default::default() };
-        let strains_of = |garment: &str, p99_9| GarmentStrainsRow {
-            garment: garment.into(),
-            largest: 0.2,
-            p99_9,
-            ..Default::default()
-        };
+        let strains_of = |garment: &str, p99_9| GarmentStrainsRow { garment: garment.into(), largest: 0.2, p99_9 };
         let rows = [0.09, 0.05].map(|p99_9| FrameRow {
             strains: vec![strains_of("skirt", p99_9), strains_of("shirt", p99_9), strains_of("ribbon", p99_9)],
             ..FrameRow::default()
