@@ -263,7 +263,8 @@ fn pieces(name: &str, cloth: &mut Cloth) {
         parts.for_each(PerVertex(&mut q), &|part, q| matrix.parts()[part].multiply(&s, q.0));
         black_box(&q);
     });
-    let system = BlockSystem { parts, masses, solved: &vec![true; parts.count()], matrix: &matrix, constraints: cloth };
+    let system =
+        BlockSystem { parts, masses, worked_on: &vec![true; parts.count()], matrix: &matrix, constraints: cloth };
     let mut cg = PreconditionedCg::new(parts, &matrix);
     let prepare = fastest(|| cg.prepare(&system));
     let b = cloth.impulse(dt, membrane);
@@ -334,8 +335,13 @@ fn solves(name: &str, cloth: &mut Cloth) {
             let dt = 1.0 / FPS / f64::from(steps);
             cloth.assemble(&mut matrix, dt, membrane);
             let (parts, masses) = (cloth.scene.parts(), cloth.scene.masses());
-            let system =
-                BlockSystem { parts, masses, solved: &vec![true; parts.count()], matrix: &matrix, constraints: cloth };
+            let system = BlockSystem {
+                parts,
+                masses,
+                worked_on: &vec![true; parts.count()],
+                matrix: &matrix,
+                constraints: cloth,
+            };
             let mut cg = PreconditionedCg::new(parts, &matrix);
             let start = Instant::now();
             cg.prepare(&system);
