@@ -26,6 +26,12 @@ const COUNTS: [[usize; 2]; 3] = [[1, 2], [4, 1], [7, 1]];
 /// Energy below which rounding is all there is [J].
 const SPECK: f64 = 1e-15;
 
+/// Largest distance of two runs of one motion in short steps, which is rounding [m], or over the size of the scene.
+const ROUNDING: f64 = 1e-9;
+
+/// Share of what steps half as long change by which two runs of one motion in long steps may differ.
+const SHARE_OF_STEP_ERROR: f64 = 0.05;
+
 /// Frames after the start at which runs on several numbers of ranks are compared, unless a case says otherwise.
 const COMPARED: i64 = 8;
 
@@ -282,6 +288,23 @@ impl<'a> Bench<'a> {
         self.note(&record);
         judge_all(trial, &record)?;
         Ok(record)
+    }
+
+    /// Largest distance of two runs that counts as one motion: rounding in short steps. Long steps solve to a tolerance, in an order that
+    /// follows the numbers of a scene: a share of `apart`, the distance of the usual run from one of this scene with steps half as long.
+    ///
+    /// # Errors
+    /// As [`Bench::simulate`].
+    pub fn same_motion(
+        &mut self,
+        mut scene: SceneDescription,
+        apart: impl FnOnce(&mut Self, SceneDescription) -> Result<f64, String>,
+    ) -> Result<f64, String> {
+        if self.by_integrator(true, false) {
+            return Ok(ROUNDING);
+        }
+        scene.solver.steps_per_frame *= 2;
+        Ok(SHARE_OF_STEP_ERROR * apart(self, scene)?)
     }
 
     /// One run: every frame up to `watched`, on one rank, and the state at the frame at which runs are compared.

@@ -140,9 +140,6 @@ pub fn add_cloth(description: &mut SceneDescription, garment: usize, stiffness: 
     }
 }
 
-/// Share of what half the step changes by which two runs of one motion in long steps may differ.
-pub const SHARE_OF_STEP_ERROR: f64 = 0.05;
-
 /// Cloth that never passes through cloth.
 pub fn add_self_contact(description: &mut SceneDescription) {
     for effect in ["self_repulsion", "self_collision"] {

@@ -65,7 +65,7 @@ pub(super) const H12: Case = Case {
         let tolerance = bench.by_integrator(None, Some(SOLVED_TIGHTLY));
         let clean = bench.simulate(&Trial::still(hanging(tolerance, |_, _| {}), 12))?;
         let odd = bench.simulate(&Trial::still(hanging(tolerance, add_flat_faces), 12))?;
-        let bar = same_motion(bench, &clean)?;
+        let bar = same_motion(bench, tolerance, &clean)?;
         let mass = |record: &Record, count: usize| record.masses[0][..count].iter().sum::<f64>();
         figures.push(Figure::at_most("error of the mass", (mass(&odd, 121) / mass(&clean, 121) - 1.0).abs(), 1e-14));
         figures.push(Figure::at_most("distance from the clean mesh [m]", farthest(&clean, &odd), bar));
@@ -125,14 +125,11 @@ fn two_panels(tolerance: Option<f64>) -> SceneDescription {
     description
 }
 
-/// Largest distance of a run of [`hanging`] from `clean` that counts as the same motion [m]: rounding in short steps. Long steps solve to
-/// a tolerance, in an order that follows the number of vertices: a share of what half the step changes.
-fn same_motion(bench: &mut Bench<'_>, clean: &Record) -> Result<f64, String> {
-    let Some(share) = bench.by_integrator(None, Some(SHARE_OF_STEP_ERROR)) else { return Ok(1e-9) };
-    let mut finer = hanging(Some(SOLVED_TIGHTLY), |_, _| {});
-    finer.solver.steps_per_frame *= 2;
-    let finer = bench.simulate_once(&Trial::still(finer, 12))?;
-    Ok(share * farthest(clean, &finer))
+/// Largest distance of a run of [`hanging`] from `clean` that counts as the same motion [m].
+fn same_motion(bench: &mut Bench<'_>, tolerance: Option<f64>, clean: &Record) -> Result<f64, String> {
+    bench.same_motion(hanging(tolerance, |_, _| {}), |bench, finer| {
+        Ok(farthest(clean, &bench.simulate_once(&Trial::still(finer, 12))?))
+    })
 }
 
 /// Largest distance of a vertex in one run from where it is in another, in any frame [m].
@@ -236,7 +233,7 @@ pub(super) const H15: Case = Case {
             Figure::at_most(
                 "distance of the others from the mesh without a loose point [m]",
                 farthest(&clean, &odd),
-                same_motion(bench, &clean)?,
+                same_motion(bench, tolerance, &clean)?,
             ),
             Figure::exactly("displacement of the loose point [m]", (odd.last().positions[0][121] - far).norm(), 0.0),
         ])

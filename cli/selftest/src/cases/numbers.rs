@@ -115,14 +115,8 @@ pub(super) const H40: Case = Case {
     must: "the same motion, turned or mirrored",
     judge: |bench| {
         let usual = run(bench, scene(1.0, &Matrix3::identity(), Vec3::zeros()))?;
-        let bar = match bench.by_integrator(None, Some(SHARE_OF_STEP_ERROR)) {
-            None => 1e-9,
-            Some(share) => {
-                let mut finer = scene(1.0, &Matrix3::identity(), Vec3::zeros());
-                finer.solver.steps_per_frame *= 2;
-                share * error(&usual, &run(bench, finer)?, 0.3, |x| *x)
-            }
-        };
+        let unturned = scene(1.0, &Matrix3::identity(), Vec3::zeros());
+        let bar = bench.same_motion(unturned, |bench, finer| Ok(error(&usual, &run(bench, finer)?, 0.3, |x| *x)))?;
         let mut figures = Vec::new();
         for degrees in [30.0_f64, 90.0, 217.0] {
             let axis = nalgebra::Unit::new_normalize(Vec3::new(0.3, 1.0, -0.6));

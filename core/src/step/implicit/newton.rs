@@ -43,9 +43,6 @@ impl StageSolver<'_> {
     }
 
     /// Adds the forces of pairs in touch where the stage stands to its residual, and takes the pairs into the matrix.
-    ///
-    /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
-    /// alone, for all of its length.
     fn add_pairs(&mut self, stage: &StageEquation) {
         let (share, weight) = (stage.share_of_pairs, stage.weight);
         self.evaluate_pairs(stage.fraction);
