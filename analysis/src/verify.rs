@@ -7,7 +7,9 @@ mod crossings;
 mod recorded;
 mod stage;
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use drapery_alembic::{Archive, PolyMesh, Samples, SamplingKind, TopologyVariance};
 use drapery_core::Vec3;
@@ -15,6 +17,8 @@ use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::input_file;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::{Manifest, ManifestGarment};
 
 pub use recorded::recorded;
 
@@ -36,6 +40,7 @@ pub struct Verification {
 }
 
 /// An opened file.
+#[derive(Default)]
 struct Cache {
     /// Start of its messages; empty when there is one file only.
     prefix: String,
@@ -43,9 +48,45 @@ struct Cache {
     /// A stage of USD, which holds no archive's meshes.
     stage: Option<CacheFrames>,
     fps: Option<f64>,
+    /// The file's name.
+    file: String,
+    /// Garments of the run in whose folder the file lies, if it lies in one.
+    run: Option<Rc<RunGarments>>,
+}
+
+/// Garments of a run, as its manifest has them.
+#[derive(Debug, PartialEq)]
+struct RunGarments {
+    garments: Vec<ManifestGarment>,
+    ignored: Vec<[String; 2]>,
+}
+
+impl RunGarments {
+    /// The garments of the run in a folder, if it holds one with garments that ignore each other.
+    fn read(folder: &Path) -> Option<Self> {
+        let Manifest { garments, ignored, .. } = RunFolder::read(folder).ok()?.manifest;
+        (!ignored.is_empty()).then_some(Self { garments, ignored })
+    }
+
+    /// Whether two garments pass through each other.
+    fn ignore_each_other(&self, a: &str, b: &str) -> bool {
+        self.ignored.iter().any(|[one, other]| (one == a && other == b) || (one == b && other == a))
+    }
 }
 
 impl Cache {
+    /// The run that wrote a mesh with this path, and its garment there.
+    fn garment_of(&self, path: &str) -> Option<(&RunGarments, String)> {
+        let run = self.run.as_deref()?;
+        let holds = |garment: &&ManifestGarment| garment.files.contains(&self.file);
+        let is_named = |garment: &&ManifestGarment| {
+            path.ends_with(&garment.object_path) || path.split('/').any(|name| name == garment.name)
+        };
+        // A file of one garment, or one over all of them.
+        let found = run.garments.iter().find(holds).or_else(|| run.garments.iter().find(is_named))?;
+        Some((run, found.name.clone()))
+    }
+
     fn name_of(&self, mesh: &PolyMesh) -> String {
         format!("{}{}", self.prefix, mesh.object().path())
     }
@@ -59,8 +100,13 @@ impl Cache {
 pub fn verify(paths: &[&Path], body: Option<&Path>) -> Result<Verification, IoError> {
     let mut found = Verification::default();
     let mut caches = Vec::new();
+    let mut runs: BTreeMap<PathBuf, Option<Rc<RunGarments>>> = BTreeMap::new();
     for path in paths {
-        caches.push(verify_file(path, prefix_of(path, paths), &mut found)?);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let run = runs.entry(folder.to_owned()).or_insert_with(|| RunGarments::read(folder).map(Rc::new));
+        let cache = verify_file(path, prefix_of(path, paths), &mut found)?;
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        caches.push(Cache { run: run.clone(), file, ..cache });
     }
     let body = body.map(|path| formats::open_mesh(path, None)).transpose()?;
     crossings::check(&caches, body.as_deref(), &mut found)?;
@@ -94,7 +140,7 @@ fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<
     if fps.is_none() {
         found.warnings.push(format!("{prefix}the archive states no frame rate; set it in the application"));
     }
-    let cache = Cache { prefix, meshes, stage: None, fps };
+    let cache = Cache { meshes, fps, prefix, ..Cache::default() };
     found.facts.extend(applications::of_archive(&archive, &cache.meshes, &cache.prefix));
     for mesh in &cache.meshes {
         verify_mesh(mesh, &cache.name_of(mesh), fps, found);

@@ -33,7 +33,8 @@
 //!
 //! [`SceneDescription`] holds a [`Timeline`], garments ([`GarmentDescription`], [`PolygonMesh`], [`Vec3`], [`Mass`],
 //! [`PaintedMap`]), bodies ([`BodyDescription`], [`BodyShape`], [`Shape`], [`RigidMotion`]), pins ([`PinDescription`],
-//! [`PinTarget`], [`PinAnchor`], [`PinHold`]), seams ([`SeamDescription`]), the grid of a wind ([`WindGridShape`]) and settings of
+//! [`PinTarget`], [`PinAnchor`], [`PinHold`]), seams ([`SeamDescription`]), rules of contact by pair ([`ContactRule`],
+//! [`ContactSide`]), the grid of a wind ([`WindGridShape`]) and settings of
 //! the time integration ([`SolverSettings`], [`Integrator`], [`SolverPreset`]). An [`EffectRequest`] asks for an effect, with a
 //! [`SettingValue`] for each setting; [`REGISTRY`] is the table of effects, an [`EffectSpec`] each.
 //!
@@ -69,9 +70,9 @@ pub use crate::{
     mesh::PolygonMesh,
     scene::vertex_maps::PaintedMap,
     scene::{
-        BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor, PinDescription,
-        PinHold, PinTarget, RigidMotion, SceneDescription, SeamDescription, SolverPreset, SolverSettings, Timeline,
-        WindGridShape,
+        BodyDescription, BodyShape, ContactRule, ContactSide, EffectRequest, GarmentDescription, Integrator, Mass,
+        PinAnchor, PinDescription, PinHold, PinTarget, RigidMotion, SceneDescription, SeamDescription, SolverPreset,
+        SolverSettings, Timeline, WindGridShape,
     },
     settings::SettingValue,
 };

@@ -82,8 +82,8 @@ pub static RULES: [Rule; 19] = [
     Rule {
         name: "body_friction",
         finds: "a body whose `friction` overrides the friction of the garments' materials",
-        exactly: "Friction is one number per body. Silent if it equals the friction of the material, or comes from the \
-                  materials.",
+        exactly: "A body without `friction` has the friction of each garment's material. Silent if it equals the friction \
+                  of the material, and for garments with a `[[contact]]` that sets it.",
         line: "friction = 0.4",
     },
     Rule {

@@ -5,7 +5,7 @@ use drapery_core::Vec3;
 use drapery_core::effects::{body_collision, self_collision};
 use drapery_core::geometry::crossings::Crossing;
 use drapery_core::geometry::face_cuts::FaceSearch;
-use drapery_core::scene::BodyShape;
+use drapery_core::scene::{BodyShape, ContactSide};
 use drapery_core::simulation::Simulation;
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
@@ -128,13 +128,18 @@ impl WrittenFaces {
             let positions = simulation.bodies().surface_positions(*number);
             body.search.place(positions.iter().map(|x| units.from_si(x - origin)));
         }
+        let scene = simulation.scene().description();
         let mut found = Vec::new();
         for (index, garment) in self.garments.iter().enumerate() {
-            if self.cloth && garment.search.has_other_cuts() {
+            let ignores = |other| scene.ignores(ContactSide::Garment(index), other);
+            if self.cloth && garment.search.has_other_cuts() && !ignores(ContactSide::Garment(index)) {
                 found.extend(other_cut((garment, garment), false, [garment.search.find().other, Vec::new()]));
             }
-            let others = self.garments[index + 1..].iter().filter(|_| self.cloth).map(|other| (other, false));
-            for (other, is_body) in others.chain(self.bodies.iter().map(|(_, body)| (body, true))) {
+            let others = self.garments.iter().enumerate().skip(index + 1).filter(|_| self.cloth);
+            let others = others.map(|(number, other)| (ContactSide::Garment(number), other));
+            let bodies = self.bodies.iter().map(|(number, body)| (ContactSide::Body(*number), body));
+            for (side, other) in others.chain(bodies).filter(|(side, _)| !ignores(*side)) {
+                let is_body = matches!(side, ContactSide::Body(_));
                 let [a, b] = [&garment.search, &other.search];
                 if a.has_other_cuts() || b.has_other_cuts() {
                     let both = [a.find_through(b).other, b.find_through(a).other];

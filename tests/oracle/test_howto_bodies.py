@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from body_depth import depths
-from howto import GRAVITY, HOWTO, ROUNDING, SAMPLES, Bound, Run, accelerations, area, frames_of, masses, normals, number, said
+from howto import (
+    GRAVITY, HOWTO, ROUNDING, SAMPLES, Bound, Run, accelerations, area, fenced, frames_of, masses, normals, number, said,
+)  # fmt: skip
 from judges import ROOT
 from test_self_contact import assert_no_crossing
 
@@ -214,6 +216,48 @@ def test_the_shirt_starts_outside_the_skirt_and_stays_there(layers, report_figur
             report_figure(f"room at the start {1e3 * close.min():.1f} mm; the page asks for {1e3 * (thickness + 0.001):.1f}")
     report_figure(f"{min(count)} to {max(count)} vertices of the shirt close to the skirt in a frame, all outside it")
     assert min(count) > 10
+
+
+def test_rules_of_contact_do_what_the_page_says(tmp_path, report_figure):
+    scene = tmp_path / "rules.toml"
+    def garment(name, height):
+        return (f'[[garment]]\nname = "{name}"\ndensity = 0.2\nthickness = "2 mm"\nstretch = {{ stiffness = 300 }}\n'
+                f'panel = {{ resolution = 24, side = 0.5, aspect = 1, center = [0, {height}, 0] }}\n')
+    # The lining is thrown up at the coat.
+    crossed = garment("lining", 0.2) + 'velocity = [0, 0.4, 0]\n'
+    body = '[[body]]\nname = "hero"\nshape = { sphere = { radius = 0.15 } }\nfriction = 0.3\nthickness = "2 mm"\n'
+    head = ('drapery = 1\n[shot]\nname = "rules"\nfps = "24"\nframes = "0-10"\n[gravity]\n[self_repulsion]\n[self_collision]\n')
+    text = head + body + garment("coat", 0.21) + crossed + garment("scarf", 0.23)
+    rules = "\n".join(["", fenced("layers", "toml", 0)])
+    ends = {}
+    for name, more in (("without", ""), ("with", rules)):
+        scene.write_text(text + more)
+        said("run", scene, "--out", tmp_path / name)
+        run = Run(tmp_path / name)
+        ends[name] = [run.positions(garment)[-1] for garment in ("coat", "lining", "scarf")]
+        inside = outer_of_ball(ends[name], 0.15)
+        assert inside > 0, f"{name}: a vertex is {-1e3 * inside:.2f} mm inside the ball"
+    # It goes through the coat where it ignores it, and is stopped where it does not.
+    above = {name: (lining[:, 1] > coat[:, 1]).mean() for name, (coat, lining, _) in ends.items()}
+    assert above["without"] < 0.02 and above["with"] > 0.1
+    caches = [tmp_path / "with" / f"{garment}.abc" for garment in ("coat", "lining", "scarf")]
+    verified = said("verify", *caches)
+    report_figure(f"vertices of the lining above the coat's: {above['without']:.2f} without rules, {above['with']:.2f} with them")
+    assert "as the scene lets them pass through each other" in verified and "all rules are met" in verified
+    plan = said("plan", scene)
+    for line in ('garment "coat" and garment "lining": ignore each other', 'garment "coat" and body "hero": friction 0.6 (rule), thickness 4.000 mm (rule)',
+                 'garment "coat" and garment "scarf": friction 0.1 (rule), thickness 2.000 mm', 'layers of garment "scarf": friction 0.4, thickness 0.500 mm (rule)'):
+        assert line in plan, plan  # fmt: skip
+    # A contradiction is named.
+    scene.write_text(text + rules + '[[contact]]\nbetween = ["lining", "coat"]\nfriction = 0.2\n')
+    assert "there is another rule for these two" in said("check", scene, code=78)
+    scene.write_text(text + '[[contact]]\nbetween = ["lining", "cote"]\nignore = true\n')
+    assert 'did you mean `coat`' in said("check", scene, code=78)
+
+
+def outer_of_ball(garments, radius):
+    """Distance of the deepest vertex from a ball about the origin."""
+    return min(np.linalg.norm(points, axis=1).min() for points in garments) - radius
 
 
 # ---- settle_preroll

@@ -38,6 +38,14 @@ fn a_sheet_of_ten_thousand_vertices_that_is_struck_has_the_same_bits_on_ranks() 
     has_the_same_bits(&source, Some(3), &[[2, 1], [3, 1]], &["body_contacts", "repulsions", "retried_shorter"]);
 }
 
+#[test]
+fn rules_of_contact_have_the_same_bits_on_ranks() {
+    for integrator in ["semi_implicit", "tr_bdf2"] {
+        let source = scene("rules.toml", &[("solver.integrator", integrator)]);
+        has_the_same_bits(&source, None, &[[2, 1], [3, 1]], &["body_contacts", "repulsions"]);
+    }
+}
+
 /// A scene with a setting of the solver has the same bits on many ranks and threads.
 fn has_the_same_bits_on_many_ranks(name: &str, setting: (&str, &str), meets: &[&str]) {
     has_the_same_bits(&scene(name, &[setting]), None, &[[2, 1], [3, 1], [4, 1], [7, 1], [2, 2]], meets);

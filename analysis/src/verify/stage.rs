@@ -22,7 +22,7 @@ pub(super) fn verify_file(path: &Path, prefix: String, found: &mut Verification)
         check.faces(found);
         check.frames(fps, found);
     }
-    Ok(Cache { prefix, meshes: Vec::new(), stage: Some(stage), fps })
+    Ok(Cache { prefix, stage: Some(stage), fps, ..Cache::default() })
 }
 
 /// The checks of one mesh.

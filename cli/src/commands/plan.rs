@@ -18,6 +18,7 @@ use crate::{plan, say};
 use effects::Costs;
 use sources::Provenance;
 
+mod contacts;
 mod effects;
 mod sources;
 
@@ -62,6 +63,7 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &format!("threads: {} ({})\n", threads.value, threads.source);
     text += &scene_text(shot);
     text += &effects::text(shot.simulation(), costs);
+    text += &contacts::text(shot.simulation().scene().description());
     let (state, effects) = bytes(shot);
     text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
@@ -194,6 +196,7 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "formats": shot.output().formats,
         "faces": if shot.output().triangles { "triangles" } else { "original" },
         "body_thickness": bodies_json(shot),
+        "contacts": contacts::as_json(shot.simulation().scene().description()),
         "origin": <[f64; 3]>::from(shot.origin()),
         "referred_files": shot.referred_files().iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
         "warnings": crate::plan::warnings_json(shot),

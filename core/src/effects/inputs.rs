@@ -35,6 +35,7 @@ pub static INPUTS: [EffectInput; 5] = [
             if !scene.pins.iter().any(|pin| follows(&pin.target)) {
                 scene.bodies.clear();
             }
+            scene.contacts.retain(|rule| rule.body().is_none());
         },
     },
     EffectInput {

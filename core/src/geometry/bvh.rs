@@ -14,7 +14,7 @@ use crate::geometry::tolerances;
 mod build;
 mod pairs;
 
-pub(crate) use pairs::PairTask;
+pub(crate) use pairs::{GroupFilter, GroupMasks, PairTask};
 
 /// Primitives in a leaf at most.
 const LEAF_SIZE: usize = 2;

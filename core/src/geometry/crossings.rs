@@ -119,7 +119,7 @@ pub(crate) fn find(surface: &Surface<'_>) -> Vec<Crossing> {
     let tasks = surface.tree.self_tasks(TASKS);
     let pieces = tasks.par_iter().map(|task| {
         let mut found = Vec::new();
-        surface.tree.pairs_of(task, surface.tree, &mut |s, t| {
+        surface.tree.pairs_of(task, surface.tree, None, &mut |s, t| {
             let (s, t) = (s as usize, t as usize);
             if boxes[s].overlaps(&boxes[t]) {
                 let (one, other) = (surface.placed(s, boxes[s]), surface.placed(t, boxes[t]));
@@ -179,7 +179,7 @@ pub(crate) fn find_between_where(
     let tasks = edges_of.tree.tasks_with(triangles_of.tree, TASKS);
     let pieces = tasks.par_iter().map(|task| {
         let mut found = Vec::new();
-        edges_of.tree.pairs_of(task, triangles_of.tree, &mut |s, t| {
+        edges_of.tree.pairs_of(task, triangles_of.tree, None, &mut |s, t| {
             let (s, t) = (s as usize, t as usize);
             if ours[s].overlaps(&theirs[t]) {
                 let other = triangles_of.placed(t, theirs[t]);

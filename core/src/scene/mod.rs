@@ -5,6 +5,7 @@
 //! no part, and the scene says so in its warnings.
 
 mod body;
+mod contact_rule;
 pub(crate) mod described;
 mod garment;
 pub mod gather;
@@ -18,6 +19,7 @@ mod solver;
 pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
+pub use contact_rule::{ContactRule, ContactSide};
 pub use described::Described;
 pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKey};
 pub use origin::{FARTHEST, coarse_place, is_possible};
@@ -64,6 +66,8 @@ pub struct SceneDescription {
     pub pins: Vec<PinDescription>,
     /// Vertices that are drawn together.
     pub seams: Vec<SeamDescription>,
+    /// Contact of pairs of garments and bodies that differs from what these say.
+    pub contacts: Vec<ContactRule>,
     /// Place of the grid of the wind, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
     pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
@@ -277,6 +281,7 @@ impl SceneDescription {
             bodies: Vec::new(),
             pins: Vec::new(),
             seams: Vec::new(),
+            contacts: Vec::new(),
             wind: None,
             effects: Vec::new(),
             left_out: Vec::new(),

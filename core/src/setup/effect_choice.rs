@@ -16,6 +16,7 @@ impl SceneDescription {
         let is_out = |name: &str| names.iter().any(|out| out == name);
         self.effects.retain(|request| !is_out(&request.effect));
         effects::INPUTS.iter().filter(|input| is_out(input.effect)).for_each(|input| (input.remove)(self));
+        self.drop_rules_without_effect();
         self.left_out.extend_from_slice(names);
         Ok(())
     }

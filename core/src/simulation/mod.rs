@@ -548,8 +548,8 @@ impl Simulation {
         let Range { start, end: stop } = interval;
         // The next sample of each mesh is the first one at or after the end of the interval; take it once.
         let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
-        for body in 0..self.prescribed.bodies.list().len() {
-            if !self.prescribed.bodies.list()[body].is_surface() {
+        for body in 0..self.prescribed.bodies.count() {
+            if !self.prescribed.bodies.is_surface(body) {
                 continue;
             }
             let samples = input.bodies.get(body).map_or(&[][..], Vec::as_slice);

@@ -45,7 +45,7 @@ impl Simulation {
             };
             let start = &self.cloth.state.x[vertex];
             let was_outside = |body: usize| depth_inside(&self.scene, &self.prescribed.bodies, body, start).is_none();
-            let entered = (0..bodies.list().len())
+            let entered = (0..bodies.count())
                 .filter_map(|body| Some((depth_inside(&self.scene, &bodies, body, &x)?, body)))
                 .filter(|(_, body)| !bodies.may_cross_itself(*body, &x, 0.0) && was_outside(*body));
             let Some((depth, body)) = entered.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };

@@ -173,7 +173,7 @@ impl<'a> Step<'a> {
         let Self { parts, masses, cloth, dynamics, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v, time) = (&cloth.state.x, &mut cloth.state.v, cloth.state.time);
         let Prescribed { bodies, tracks, pins, targets, mobility } = &mut **prescribed;
-        if !(bodies.list().is_empty() && pins.is_none() && targets.is_empty()) {
+        if !(bodies.count() == 0 && pins.is_none() && targets.is_empty()) {
             metrics.stage("bodies and pins", |_| {
                 bodies.set_step(time, time + settings.dt);
                 targets.set_step(bodies, tracks, x, (time, time + settings.dt));

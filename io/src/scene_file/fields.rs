@@ -3,7 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use drapery_core::scene::{BodyDescription, Described, PRESET, PinDescription, SeamDescription, SolverSettings};
+use drapery_core::scene::{
+    BodyDescription, ContactRule, Described, PRESET, PinDescription, SeamDescription, SolverSettings,
+};
 use drapery_core::settings::{Default, Field, SettingValue, Settings, Written};
 
 use super::deserialize::{dotted, suggestion};
@@ -31,11 +33,12 @@ pub(super) const SHAPE: &str = "shape";
 /// Path of the bodies.
 const BODIES: &[&str] = &["body", EACH];
 
-pub(super) const TABLES: [Rows; 4] = [
+pub(super) const TABLES: [Rows; 5] = [
     Rows { path: &["solver"], rest: "Solver", parts: [SolverSettings::FIELDS, &[PRESET]] },
     Rows { path: BODIES, rest: "Body", parts: [BodyDescription::FIELDS, &[]] },
     Rows { path: &["garment", EACH, "pin", EACH], rest: "Pin", parts: [PinDescription::FIELDS, &[BIND]] },
     Rows { path: &["seam", EACH], rest: "Seam", parts: [SeamDescription::FIELDS, &[PAIRING]] },
+    Rows { path: &["contact", EACH], rest: "Contact", parts: [ContactRule::FIELDS, &[]] },
 ];
 
 impl Rows {

@@ -21,6 +21,7 @@
 
 mod bodies;
 mod check;
+mod contacts;
 mod defaults;
 mod deserialize;
 mod diagnostics;

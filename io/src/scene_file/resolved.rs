@@ -9,8 +9,8 @@ use super::raw::FILE;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
-const ORDER: [&str; 10] =
-    ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "output", "check"];
+const ORDER: [&str; 11] =
+    ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "contact", "output", "check"];
 
 /// Place of the tables of effects in that order.
 const TABLES: usize = 5;

@@ -137,6 +137,7 @@ class Collected:
         if own.stiffens and largest_strain(own) is None:
             self.say(f'"{thing.name}" stiffens up to a strain that is not known of its material', "set its Strain", thing)
         self.look_at_render_mesh(thing)
+        self.look_at_ignored(thing)
         for pin in own.pins:
             if not pin.group:
                 self.say(f'"{thing.name}": a pin has no vertex group', "choose one, or remove the pin", thing)
@@ -170,6 +171,12 @@ class Collected:
                      "choose a mesh of this scene that takes no part in the simulation", thing)
         elif others:
             self.say(f'"{thing.name}" and "{others[0].name}" have the same render mesh, "{mesh.name}"', "make a copy for one of them", thing)
+
+    def look_at_ignored(self, thing):
+        other = thing.drapery.ignores
+        if other is not None and other not in [*self.garments, *self.bodies]:
+            self.say(f'"{thing.name}" ignores "{other.name}", which is neither a garment nor a body of this scene',
+                     "mark it as one, choose another, or clear Ignores", thing)
 
     def look_at_seams(self):
         sewn = set()
@@ -261,6 +268,8 @@ class Collected:
         garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, own.thickness if own.own_thickness else None, own.order)
         garment.extension = largest_strain(own) if own.stiffens else None
         garment.limited, garment.limit = own.strain_limit, own.strain / 100 if own.own_strain else None
+        if own.ignores is not None:
+            garment.ignores = own.ignores.drapery.role.lower(), plain_name(own.ignores.name)
         if own.render_mesh:
             garment.render_mesh = self.render_mesh(own.render_mesh, name, own.rigid)
         for pin in own.pins:

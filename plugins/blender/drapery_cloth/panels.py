@@ -66,6 +66,7 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
         layout.prop(own, "stiffens")
         layout.prop(own, "strain_limit")
         layout.prop(own, "order")
+        layout.prop(own, "ignores")
         if len(thing.modifiers) > 0:
             layout.prop(own, "simulated")
         layout.label(text="Render Mesh")

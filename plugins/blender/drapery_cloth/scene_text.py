@@ -56,7 +56,8 @@ class Garment:
     """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin.
 
     Strains are shares of a length: at `extension` cloth that stiffens carries the load of its material, None for one that does not
-    stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material.
+    stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material. `ignores` is the kind, garment or
+    body, and the name of the object that the garment passes through, or None.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Garment:
     limited: bool = False
     limit: float | None = None
     render_mesh: "RenderMesh | None" = None
+    ignores: tuple | None = None
 
 
 @dataclass
@@ -186,7 +188,20 @@ def scene_text(shot, bodies, garments, seams=()):
         lines += garment_lines(garment)
     for seam, vertices in seams:
         lines += seam_lines(seam, vertices)
+    for pair in ignored_pairs(garments, shot.self_contact):
+        lines += ["[[contact]]", f"between = [{', '.join(quoted('.'.join(side)) for side in pair)}]", "ignore = true", ""]
     return "\n".join(lines)
+
+
+def ignored_pairs(garments, self_contact):
+    """Pairs of objects that pass through each other, by kind and name, each once; garments do it anyway without self collision."""
+    pairs = []
+    for garment in garments:
+        pair = (("garment", garment.name), garment.ignores)
+        is_asked = garment.ignores is not None and (self_contact or garment.ignores[0] == "body")
+        if is_asked and pair not in pairs and pair[::-1] not in pairs:
+            pairs.append(pair)
+    return pairs
 
 
 def body_lines(body):

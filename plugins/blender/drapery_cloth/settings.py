@@ -54,6 +54,10 @@ def is_garment(seam, thing):
     return thing.type == "MESH" and thing.drapery.role == "GARMENT"
 
 
+def takes_part(own, thing):
+    return thing.type == "MESH" and thing.drapery.role != "NONE"
+
+
 def overridable(kind):
     """Keeps what is set on a library override of a linked object; Blender forgets all else when the file is opened again."""
     for deferred in kind.__annotations__.values():
@@ -135,6 +139,8 @@ class DraperyObject(bpy.types.PropertyGroup):
     strain_limit: BoolProperty(name="Strain Limit", description="Edges stop at the largest strain")
     order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
                        description="1 is worn closest to the skin. Garments are written in this order")
+    ignores: PointerProperty(name="Ignores", type=bpy.types.Object, poll=takes_part,
+                             description="A garment or a body that this garment passes through, such as a coat that its lining is sewn to")
     simulated: EnumProperty(
         name="Simulated Mesh", default="BASE",
         items=[("BASE", "Before Subdivision", "Deforming modifiers at the top of the stack, such as Armature, shape the cloth at "
@@ -148,7 +154,7 @@ class DraperyObject(bpy.types.PropertyGroup):
     pins: CollectionProperty(type=DraperyPin)
     seams: CollectionProperty(type=DraperySeam)
     maps: CollectionProperty(type=DraperyMap)
-    own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
+    own_friction: BoolProperty(name="Friction", description="Instead of that of each fabric")
     friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
 
     @property

@@ -1,7 +1,7 @@
 //! A body's friction in the place of what the garments' materials have.
 
 use drapery_core::effects::body_collision;
-use drapery_core::scene::BodyDescription;
+use drapery_core::scene::{BodyDescription, ContactSide};
 use drapery_io::shot_description::Fabric;
 
 use super::{Facts, Finding};
@@ -13,27 +13,37 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     if facts.request(body_collision::SPEC.name).is_none() {
         return Vec::new();
     }
-    let own = facts.scene.bodies.iter().zip(&facts.check.has_own_friction).filter(|(_, own)| **own);
-    own.filter_map(|(body, _)| of_body(body, &facts.check.fabrics)).collect()
+    let own = facts.scene.bodies.iter().zip(&facts.check.has_own_friction).enumerate().filter(|(_, (_, own))| **own);
+    let of_body = |(number, (body, _)): (usize, (&BodyDescription, _))| {
+        let has_rule = |garment: usize| {
+            let between = [ContactSide::Garment(garment), ContactSide::Body(number)];
+            let rules = facts.scene.contacts.iter().filter(|rule| rule.ignore || rule.friction.is_some());
+            rules.map(|rule| rule.between).any(|[a, b]| [a, b] == between || [b, a] == between)
+        };
+        let fabrics = facts.check.fabrics.iter().enumerate().filter(|(garment, _)| !has_rule(*garment));
+        finding(body, &fabrics.filter_map(|(_, fabric)| fabric.as_ref()).collect::<Vec<_>>())
+    };
+    own.filter_map(of_body).collect()
 }
 
-fn of_body(body: &BodyDescription, fabrics: &[Option<Fabric>]) -> Option<Finding> {
+/// Friction of a body that differs from these fabrics'.
+fn finding(body: &BodyDescription, fabrics: &[&Fabric]) -> Option<Finding> {
     let mut others: Vec<&Fabric> = Vec::new();
-    for fabric in fabrics.iter().flatten().filter(|fabric| (fabric.friction - body.friction).abs() > SAME) {
+    for fabric in fabrics.iter().filter(|fabric| (fabric.friction - body.friction).abs() > SAME) {
         if !others.contains(&fabric) {
             others.push(fabric);
         }
     }
-    let largest = fabrics.iter().flatten().map(|fabric| fabric.friction).max_by(f64::total_cmp)?;
+    let largest = fabrics.iter().map(|fabric| fabric.friction).max_by(f64::total_cmp)?;
     let list: Vec<String> = others.iter().map(|fabric| format!("{} of {}", fabric.friction, fabric.name)).collect();
     (!list.is_empty()).then(|| Finding {
         object: format!("body \"{}\"", body.name),
         message: format!(
             "its friction {} overrides the friction of the fabrics, {}; changing the fabric has no effect here. \
-             Without the key, the largest of them is used",
+             Without the key, each garment has its own",
             body.friction,
             list.join(" and ")
         ),
-        line: format!("friction = {largest}, or leave it out"),
+        line: format!("friction = {largest}, or leave it out, or [[contact]] with a `friction` for a garment"),
     })
 }

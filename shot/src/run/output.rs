@@ -558,8 +558,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let followed = shot.render_meshes.iter().map(|mesh| Some(about.garments[mesh.garment].clone()));
     let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
     let garments = names(shot).zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
-        let plan = cache_plan(shot, index);
-        let fabric = about.fabrics.get(index).and_then(Option::as_ref);
+        let (plan, fabric) = (cache_plan(shot, index), about.fabrics.get(index).and_then(Option::as_ref));
         ManifestGarment {
             name: name.to_owned(),
             object_path: plan.object_path(),
@@ -585,6 +584,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         up_axis: format!("{:?}", about.output.units.up),
         origin: shot.origin().into(),
         garments: garments.collect(),
+        ignored: shot.simulation().scene().description().ignored_garments(),
         layers: over.chain(shot.single_layer(&options.out)).map(|path| file_name(&path)).collect(),
         threads: options.threads,
         command: Some(options.command.clone()),

@@ -46,6 +46,9 @@ pub struct Manifest {
     pub origin: [f64; 3],
     /// Caches.
     pub garments: Vec<ManifestGarment>,
+    /// Garments that pass through each other by a rule of the scene; one twice for its own layers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ignored: Vec<[String; 2]>,
     /// Files over all caches of a format, relative to the folder.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<String>,

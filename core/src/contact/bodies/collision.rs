@@ -12,6 +12,7 @@ mod active;
 mod look_ahead;
 mod marks;
 mod pinch;
+mod rules;
 mod supports;
 
 use std::ops::Range;
@@ -22,13 +23,14 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::contact::bodies::friction::{SurfaceContact, VertexMotion, respond};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
-use crate::contact::bodies::{Bodies, BodyPoint};
+use crate::contact::bodies::{Bodies, BodyContactProperties, BodyPoint};
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::tolerances::PINCH_DRAG;
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
+use rules::BodyRules;
 
 /// Identifier of the saved section with the distances of deforming bodies, which is absent without such bodies.
 pub(crate) const SECTION: SectionId = SectionId { name: "body_collision", version: 1 };
@@ -91,6 +93,8 @@ pub struct BodyCollision {
     held: Vec<bool>,
     /// Painted friction: what multiplies that of a body, and what is added; empty if none is painted.
     painted: Vec<[f64; 2]>,
+    /// Contact by garment; `None` in scenes without rules for bodies.
+    rules: Option<BodyRules>,
     /// Local number of the first own vertex.
     first: usize,
     search: f64,
@@ -137,6 +141,7 @@ impl BodyCollision {
             surfaces,
             held: vec![false; vertices],
             painted: scene.painted_everywhere("friction").map_or_else(Vec::new, |all| all[own.clone()].to_vec()),
+            rules: BodyRules::of(scene),
             first: own.start,
             search: SEARCH_EDGES * scene.mean_edge(),
             pinched: 0,
@@ -148,6 +153,7 @@ impl BodyCollision {
         self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<ClosestCache>())
             + self.marks.len() * size_of::<Marks>()
             + size_of_val(self.painted.as_slice())
+            + self.rules.as_ref().map_or(0, BodyRules::bytes)
     }
 
     /// Tells which own vertices, by their local numbers, are held in all directions during this step.
@@ -201,7 +207,7 @@ impl BodyCollision {
     /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it
     /// goes with the corrected velocity plus what the half step added.
     pub fn positions(&mut self, step: &CollisionStep<'_>, x1: &mut [Vec3], v_star: &mut [Vec3], metrics: &mut Metrics) {
-        let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
+        let (slots, painted, rules) = (&self.memory_slot, self.painted.as_slice(), self.rules.as_ref());
         let (search, surfaces) = (self.search, self.surfaces);
         let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
         let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
@@ -217,7 +223,9 @@ impl BodyCollision {
                     let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
                     let known = [QueryCache::NOTHING; CACHED];
                     let counts = &mut counts;
-                    let mut search = Search { step, slots, painted, search, memory, counts, own_way, known };
+                    let properties = rules.map_or(step.bodies.properties(), |rules| rules.of_vertex(vertex));
+                    let mut search =
+                        Search { step, slots, painted, properties, search, memory, counts, own_way, known };
                     if search.is_far_from_all(&step.x[vertex], &x1[i]) {
                         search.remember(&step.x[vertex], &x1[i]);
                     } else {
@@ -354,6 +362,8 @@ struct Search<'a> {
     step: &'a CollisionStep<'a>,
     slots: &'a [Option<usize>],
     painted: &'a [[f64; 2]],
+    /// Contact of the vertex with each body.
+    properties: &'a [BodyContactProperties],
     search: f64,
     memory: &'a mut [ClosestCache],
     counts: &'a mut Counts,
@@ -369,9 +379,9 @@ impl Search<'_> {
         let before = *x1;
         // Velocity pass.
         let mut met = false;
-        for body in 0..step.bodies.list().len() {
+        for body in 0..self.properties.len() {
             if let Some(at) = self.contact(body, x, &before) {
-                let properties = &step.bodies.list()[body];
+                let properties = &self.properties[body];
                 let friction = properties.friction_on(self.painted.get(vertex));
                 let contact = SurfaceContact { body: properties, at: &at, friction };
                 let motion = VertexMotion { x_old: x, x: &before, velocity: v_star, dt };
@@ -383,9 +393,9 @@ impl Search<'_> {
         let tentative = if met { x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt } else { before };
         *x1 = tentative;
         let mut touched = None;
-        for body in 0..step.bodies.list().len() {
+        for body in 0..self.properties.len() {
             if let Some(at) = self.contact(body, x, x1) {
-                let properties = &step.bodies.list()[body];
+                let properties = &self.properties[body];
                 let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
                 let friction = properties.friction_on(self.painted.get(vertex));
                 let surface = SurfaceContact { body: properties, at: &at, friction };
@@ -421,7 +431,7 @@ impl Search<'_> {
 
     /// Returns the radius of the search for a surface [m]; `None` where the vertex cannot touch it in this step.
     fn reach(&self, body: usize, slot: usize) -> Option<f64> {
-        let (offset, displacement) = (self.step.bodies.list()[body].offset, self.relative_displacement(body));
+        let (offset, displacement) = (self.properties[body].offset, self.relative_displacement(body));
         let clearance = self.memory[slot].clearance;
         let reach = offset + self.search + 2.0 * displacement + (-clearance).max(0.0);
         (clearance <= offset + 2.0 * displacement).then_some(reach)
@@ -431,12 +441,11 @@ impl Search<'_> {
     fn known(&mut self, body: usize, x: &Vec3) -> &mut QueryCache {
         let known = &mut self.known[body % CACHED];
         if known.body != body {
-            let bodies = self.step.bodies;
-            let bounds = bodies.bounds(body, x);
+            let (bounds, offset) = (self.step.bodies.bounds(body, x), self.properties[body].offset);
             let room = bounds.map_or(0.0, |b| {
                 // At the end the distance is less by at most the way relative to the body; there it has to exceed that
                 // of contact and of a hold (`resolve_pinch`).
-                b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
+                b.distance - b.displacement - offset - 2.0 * (self.own_way + b.displacement)
             });
             *known = QueryCache { body, room, ..QueryCache::NOTHING };
         }
@@ -446,6 +455,9 @@ impl Search<'_> {
     /// Whether a body provably has nothing to do with the vertex in this step, which goes from `x` to `to`: no contact
     /// at the end or along the path, and no hold.
     fn is_far(&mut self, body: usize, x: &Vec3, to: &Vec3) -> bool {
+        if self.properties[body].is_ignored {
+            return true;
+        }
         match self.slots[body] {
             Some(slot) => self.reach(body, slot).is_none(),
             None => {
@@ -496,15 +508,14 @@ impl Search<'_> {
         if self.is_far(body, x, to) {
             return None;
         }
-        let bodies = self.step.bodies;
-        let properties = &bodies.list()[body];
+        let (bodies, properties) = (self.step.bodies, &self.properties[body]);
         let at_end = self.nearest(body, x, to);
         let at_start = self.distance_at_start(body, x);
         // Having passed through takes a way longer than the distance to the surface at the start; a short way behind it
         // is seen by the signed distance at the end.
         let travelled = at_end.map_or(self.relative_displacement(body), |at| (to - x - at.displacement).norm());
         let may_have_passed = at_start >= 0.0 && travelled > at_start + 0.5 * properties.thickness;
-        let at_entry = if may_have_passed { bodies.entry(body, x, to) } else { None };
+        let at_entry = if may_have_passed { bodies.entry(body, x, to, properties.thickness) } else { None };
         let found = match (at_end, at_entry) {
             (Some(end), Some(entry)) if end.phi >= properties.offset || end.normal.dot(&entry.normal) < 0.5 => {
                 self.counts.along_path += 1;

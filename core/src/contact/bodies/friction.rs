@@ -11,7 +11,7 @@
 
 use crate::Vec3;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
-use crate::contact::bodies::{Body, BodyPoint};
+use crate::contact::bodies::{BodyContactProperties, BodyPoint};
 use crate::tolerances::NO_DIRECTION;
 
 /// Correction of a vertex by a contact.
@@ -43,7 +43,7 @@ pub(crate) fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, fric
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfaceContact<'a> {
     /// The body.
-    pub body: &'a Body,
+    pub body: &'a BodyContactProperties,
     /// Its nearest point.
     pub at: &'a BodyPoint,
     /// Coefficient of friction of this vertex on the body.

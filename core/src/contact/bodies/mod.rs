@@ -55,10 +55,9 @@ pub(crate) struct Bounds {
     pub displacement: f64,
 }
 
-/// One body.
-#[derive(Debug)]
-pub(crate) struct Body {
-    kind: Kind,
+/// Contact of cloth with a body.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BodyContactProperties {
     /// Coulomb friction coefficient.
     pub friction: f64,
     /// Distance from the surface at which a vertex is in contact: thickness plus gap [m].
@@ -67,6 +66,8 @@ pub(crate) struct Body {
     pub thickness: f64,
     /// Fastest speed of pushing out [m/s].
     pub max_push_speed: f64,
+    /// Whether cloth and body pass through each other.
+    pub is_ignored: bool,
 }
 
 #[derive(Debug)]
@@ -117,7 +118,9 @@ struct Surface {
 /// All bodies of a scene, between the ends of one step.
 #[derive(Debug, Default)]
 pub struct Bodies {
-    list: Vec<Body>,
+    list: Vec<Kind>,
+    /// Contact of garments without rules with each of them.
+    properties: Vec<BodyContactProperties>,
     times: [f64; 2],
 }
 
@@ -128,18 +131,14 @@ impl Bodies {
     /// A surface without a sample, or one whose sample does not fit.
     pub fn new(scene: &Scene, samples: &[Vec<Sample>], time: f64) -> Result<Self, Problems> {
         let gap = tolerances::CONTACT_GAP * scene.mean_edge();
-        let mut list = Vec::new();
-        let mut problems = Vec::new();
+        let (mut list, mut properties, mut problems) = (Vec::new(), Vec::new(), Vec::new());
         for (b, description) in scene.description().bodies.iter().enumerate() {
             let first = samples.get(b).and_then(|s| s.last());
             match Kind::new(description, first) {
-                Ok(kind) => list.push(Body {
-                    kind,
-                    friction: description.friction,
-                    offset: description.thickness + gap,
-                    thickness: description.thickness,
-                    max_push_speed: description.max_push_speed,
-                }),
+                Ok(kind) => {
+                    list.push(kind);
+                    properties.push(BodyContactProperties::of(description, gap));
+                }
                 Err(what) => problems.push(Problem::data(
                     format!("body \"{}\"", description.name),
                     what,
@@ -147,7 +146,7 @@ impl Bodies {
                 )),
             }
         }
-        let mut bodies = Self { list, times: [time; 2] };
+        let mut bodies = Self { list, properties, times: [time; 2] };
         if !problems.is_empty() {
             return Err(Problems(problems));
         }
@@ -155,9 +154,19 @@ impl Bodies {
         Ok(bodies)
     }
 
-    /// The bodies.
-    pub(crate) fn list(&self) -> &[Body] {
-        &self.list
+    /// Number of bodies.
+    pub(crate) fn count(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether a body is a triangle surface.
+    pub(crate) fn is_surface(&self, body: usize) -> bool {
+        matches!(self.list[body], Kind::Surface(_))
+    }
+
+    /// Contact of garments without rules with each body.
+    pub(crate) fn properties(&self) -> &[BodyContactProperties] {
+        &self.properties
     }
 
     /// Takes the next sample of a surface; its motion from now on is from the last one to this one.
@@ -165,7 +174,7 @@ impl Bodies {
     /// # Errors
     /// The sample does not fit the surface.
     pub fn push_sample(&mut self, body: usize, sample: Sample) -> Result<(), String> {
-        match &mut self.list[body].kind {
+        match &mut self.list[body] {
             Kind::Surface(surface) => surface.push(sample).map_err(|e| e.to_string()),
             Kind::Rigid(_) => Err("an analytic body takes no samples".into()),
         }
@@ -173,7 +182,7 @@ impl Bodies {
 
     /// Time of the latest sample of a surface [s].
     pub(crate) fn sampled_until(&self, body: usize) -> f64 {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => surface.latest.time,
             Kind::Rigid(_) => f64::INFINITY,
         }
@@ -183,7 +192,7 @@ impl Bodies {
     pub fn set_step(&mut self, t0: f64, t1: f64) {
         self.times = [t0, t1];
         for body in &mut self.list {
-            match &mut body.kind {
+            match body {
                 Kind::Rigid(rigid) => rigid.set_step(t0, t1),
                 Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
             }
@@ -192,7 +201,7 @@ impl Bodies {
 
     /// Positions of a surface's points at the end of the step [m]; empty for analytic bodies.
     pub fn surface_positions(&self, body: usize) -> &[Vec3] {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => surface.mesh.positions(),
             Kind::Rigid(_) => &[],
         }
@@ -200,7 +209,7 @@ impl Bodies {
 
     /// Positions of a surface's points at the start and at the end of the step [m]; empty for analytic bodies.
     pub(crate) fn surface_path(&self, body: usize) -> [&[Vec3]; 2] {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => surface.mesh.path(),
             Kind::Rigid(_) => [&[], &[]],
         }
@@ -208,18 +217,18 @@ impl Bodies {
 
     /// Pairs of triangles that cross each other at the latest samples, of each body.
     pub(crate) fn self_crossings(&self) -> impl Iterator<Item = usize> + '_ {
-        self.list.iter().map(|body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 })
+        self.list.iter().map(|body| if let Kind::Surface(surface) = body { surface.crossings } else { 0 })
     }
 
     /// Number of bodies that are inside out at the end of the step.
     pub(crate) fn turned(&self) -> usize {
-        let is_turned = |body: &&Body| matches!(&body.kind, Kind::Surface(surface) if surface.mesh.is_turned());
+        let is_turned = |body: &&Kind| matches!(body, Kind::Surface(surface) if surface.mesh.is_turned());
         self.list.iter().filter(is_turned).count()
     }
 
     /// The attachment of a garment's vertex at `place` [m] to the nearest place of a surface at the end of the step.
     pub(crate) fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
-        let Kind::Surface(surface) = &self.list[body].kind else { return None };
+        let Kind::Surface(surface) = &self.list[body] else { return None };
         let found = surface.mesh.closest(&place, f64::MAX.sqrt(), None)?;
         let points = surface.mesh.triangles()[found.triangle as usize];
         let corners = points.map(|p| surface.mesh.positions()[p as usize]);
@@ -234,7 +243,7 @@ impl Bodies {
     /// The place of a body closest to `x` [m] at the end of the step, if it is within `reach` [m]; `from` is where the vertex
     /// was at its start.
     pub fn closest(&self, body: usize, from: &Vec3, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Rigid(rigid) => {
                 let local = rigid.local(1, x);
                 let (phi, normal) = rigid.shape.signed_distance(&local);
@@ -255,12 +264,12 @@ impl Bodies {
     }
 
     /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
-    /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry.
-    pub(crate) fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
-        match &self.list[body].kind {
+    /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry. It is to keep `thickness` [m] from the body.
+    pub(crate) fn entry(&self, body: usize, from: &Vec3, to: &Vec3, thickness: f64) -> Option<BodyPoint> {
+        match &self.list[body] {
             Kind::Rigid(rigid) => {
                 let (local_from, local_to) = (rigid.local(0, from), rigid.local(1, to));
-                let share = rigid.shape.first_entry(&local_from, &local_to, self.list[body].thickness)?;
+                let share = rigid.shape.first_entry(&local_from, &local_to, thickness)?;
                 let entry = local_from.lerp(&local_to, share);
                 let (phi, normal) = rigid.shape.signed_distance(&entry);
                 let phi = phi + normal.dot(&(local_to - entry));
@@ -287,7 +296,7 @@ impl Bodies {
     /// Whether a body may pass through itself around `x` [m] during the step: inside the boxes of its crossings at the two
     /// samples, joined and enlarged by `margin` [m].
     pub(crate) fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => {
                 let [a, b] = &surface.crossing_regions;
                 a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x))
@@ -298,7 +307,7 @@ impl Bodies {
 
     /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
     pub(crate) fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => surface.crossing_points.iter().any(|points| points.binary_search(&point).is_ok()),
             Kind::Rigid(_) => false,
         }
@@ -306,7 +315,7 @@ impl Bodies {
 
     /// Whether `x` [m] lies inside a body at the end of the step, also where the body's surfaces pass through one another.
     pub(crate) fn contains(&self, body: usize, x: &Vec3) -> bool {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(1, x)).0 < 0.0,
             Kind::Surface(surface) => surface.mesh.is_closed() && surface.mesh.winding_number(x) > 0,
         }
@@ -314,7 +323,7 @@ impl Bodies {
 
     /// Signed distance of `x` from a rigid body at the start of the step [m]; zero for surfaces, which keep no tree there.
     pub(crate) fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(0, x)).0,
             Kind::Surface(_) => 0.0,
         }
@@ -322,7 +331,7 @@ impl Bodies {
 
     /// Bounds on a rigid body around `x` [m] at the start of the step, cheap and safe from rounding; none on surfaces.
     pub(crate) fn bounds(&self, body: usize, x: &Vec3) -> Option<Bounds> {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Rigid(rigid) => Some(rigid.bounds(x)),
             Kind::Surface(_) => None,
         }
@@ -330,7 +339,7 @@ impl Bodies {
 
     /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
     pub(crate) fn fastest(&self, body: usize) -> f64 {
-        match &self.list[body].kind {
+        match &self.list[body] {
             Kind::Surface(surface) => surface.speed,
             Kind::Rigid(_) => f64::INFINITY,
         }
@@ -397,7 +406,13 @@ impl Rigid {
     }
 }
 
-impl Body {
+impl BodyContactProperties {
+    /// Contact with a body at this gap [m] beyond its thickness.
+    fn of(body: &BodyDescription, gap: f64) -> Self {
+        let BodyDescription { friction, thickness, max_push_speed, .. } = *body;
+        Self { friction, offset: thickness + gap, thickness, max_push_speed, is_ignored: false }
+    }
+
     /// Friction on a vertex with this painted friction: what multiplies the body's, and what is added.
     pub(crate) fn friction_on(&self, painted: Option<&[f64; 2]>) -> f64 {
         painted.map_or(self.friction, |[times, more]| times * self.friction + more)
@@ -406,11 +421,6 @@ impl Body {
     /// Returns the part of a depth [m] by which cloth comes out in a step of `dt` [s].
     pub(crate) fn depenetration(&self, depth: f64, dt: f64, recovery_speed: RecoverySpeed) -> f64 {
         recovery_speed.of(depth).min(dt * self.max_push_speed)
-    }
-
-    /// Whether it is a triangle surface.
-    pub(crate) fn is_surface(&self) -> bool {
-        matches!(self.kind, Kind::Surface(_))
     }
 }
 
@@ -523,8 +533,7 @@ mod tests {
     /// One body between 0 and 0.1 s.
     fn moving(shape: Shape, motion: RigidMotion) -> Bodies {
         let kind = Kind::Rigid(Box::new(Rigid::new(shape, motion)));
-        let body = Body { kind, friction: 0.0, offset: 0.0, thickness: 0.0, max_push_speed: 0.0 };
-        let mut bodies = Bodies { list: vec![body], times: [0.0; 2] };
+        let mut bodies = Bodies { list: vec![kind], properties: Vec::new(), times: [0.0; 2] };
         bodies.set_step(0.0, 0.1);
         bodies
     }

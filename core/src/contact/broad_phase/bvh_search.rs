@@ -14,9 +14,9 @@ use crate::contact::broad_phase::ghost_triangles::GhostTriangle;
 use crate::contact::topology::faces::Faces;
 use crate::contact::topology::nodes::IndexMap;
 use crate::contact::topology::pair::{Pair, PairKind};
-use crate::contact::topology::surface::ContactSurface;
+use crate::contact::topology::surface::{ContactSurface, ObjectGroups};
 use crate::geometry::aabb::Aabb;
-use crate::geometry::bvh::{Bvh, PairTask};
+use crate::geometry::bvh::{Bvh, GroupFilter, GroupMasks, PairTask};
 use crate::geometry::tolerances::REBUILD_COST;
 
 /// Pieces of a search: enough for many threads, few enough for their overhead not to show.
@@ -45,6 +45,8 @@ pub(super) struct RefittedBvh {
     pub(super) edge_boxes: Vec<Aabb>,
     pub(super) tree: Bvh,
     built_cost: f64,
+    /// Groups of objects below each node of the tree; `None` if nothing ignores anything.
+    masks: Option<GroupMasks>,
 }
 
 /// Triangles with their boxes.
@@ -58,11 +60,11 @@ impl RefittedBvh {
     /// Boxes of nothing.
     fn empty() -> Self {
         let (triangle_boxes, edge_boxes) = (Vec::new(), Vec::new());
-        Self { triangle_boxes, edge_boxes, tree: Bvh::build(&[]), built_cost: 0.0 }
+        Self { triangle_boxes, edge_boxes, tree: Bvh::build(&[]), built_cost: 0.0, masks: None }
     }
 
     /// Makes the boxes from those of the nodes and fits the tree to them; builds it anew where motion has spoiled it.
-    pub(super) fn refit(&mut self, faces: &Faces, nodes: &[Aabb]) {
+    pub(super) fn refit(&mut self, faces: &Faces, nodes: &[Aabb], groups: Option<ObjectGroups<'_>>) {
         self.triangle_boxes.resize(faces.triangles().len(), Aabb::EMPTY);
         self.edge_boxes.resize(faces.edges().len(), Aabb::EMPTY);
         let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(faces.triangles().par_chunks(CHUNK));
@@ -86,10 +88,23 @@ impl RefittedBvh {
         }
         self.tree = Bvh::build(boxes);
         self.built_cost = self.tree.cost();
+        self.masks = groups
+            .map(|groups| self.tree.group_masks(|triangle| groups.of_node(faces.triangles()[triangle as usize][0])));
+    }
+
+    /// Filter of a search between this tree and another one.
+    pub(super) fn filter<'a>(
+        &'a self,
+        other: &'a Self,
+        may_meet: Option<&'a (dyn Fn(u64, u64) -> bool + Sync)>,
+    ) -> Option<GroupFilter<'a>> {
+        let masks = [self.masks.as_ref()?, other.masks.as_ref()?];
+        Some(GroupFilter { masks, may_meet: may_meet? })
     }
 
     fn bytes(&self) -> usize {
-        (self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
+        let masks = self.masks.as_ref().map_or(0, GroupMasks::bytes);
+        (self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>() + masks
     }
 }
 
@@ -112,8 +127,8 @@ impl PairSearch {
         self.node_boxes.resize(surface.nodes().count(), Aabb::EMPTY);
         let chunks = self.node_boxes.par_chunks_mut(CHUNK).enumerate();
         chunks.for_each(|(c, boxes)| boxes.iter_mut().enumerate().for_each(|(i, b)| *b = box_of(c * CHUNK + i)));
-        self.cloth.refit(surface.cloth(), &self.node_boxes);
-        self.bodies.refit(surface.bodies(), &self.node_boxes);
+        self.cloth.refit(surface.cloth(), &self.node_boxes, surface.groups());
+        self.bodies.refit(surface.bodies(), &self.node_boxes, surface.groups());
         if !self.ghosts.triangles().is_empty() {
             (self.ghosts, self.ghost_bvh) = (Faces::default(), RefittedBvh::empty());
         }
@@ -152,7 +167,7 @@ impl PairSearch {
             return;
         }
         nodes.ghost_places().for_each(|i| self.node_boxes[i] = box_of(i));
-        self.ghost_bvh.refit(&self.ghosts, &self.node_boxes);
+        self.ghost_bvh.refit(&self.ghosts, &self.node_boxes, surface.groups());
     }
 
     /// A tree over the triangles of cloth, and one over those of the bodies, with the boxes given last.
@@ -175,10 +190,18 @@ impl PairSearch {
     ) {
         let [cloth, bodies, ghosts] = self.sides(surface);
         let tree = &self.cloth.tree;
+        let groups = surface.groups().map(|groups| groups.groups());
+        let may_meet = groups.map(|groups| move |these, those| groups.may_touch(these, those));
+        let may_meet = may_meet.as_ref().map(|may_meet| may_meet as &(dyn Fn(u64, u64) -> bool + Sync));
         let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
-            let mut meet = |s, t| self.test_triangles((cloth, s), (other, t), &keep, &mut out);
-            tree.pairs_of(task, &other.fitted.tree, &mut meet);
+            let mut meet = |s, t| {
+                if !surface.is_ignored(cloth.first_node(s), other.first_node(t)) {
+                    self.test_triangles((cloth, s), (other, t), &keep, &mut out);
+                }
+            };
+            let filter = self.cloth.filter(other.fitted, may_meet);
+            tree.pairs_of(task, &other.fitted.tree, filter.as_ref(), &mut meet);
             out
         };
         let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
@@ -250,6 +273,14 @@ impl PairSearch {
                 keep(Pair { kind: PairKind::PointTriangle, nodes: [p, corners[0], corners[1], corners[2]] }, out);
             }
         }
+    }
+}
+
+impl Side<'_> {
+    /// A node of a triangle.
+    #[inline]
+    pub(super) fn first_node(&self, triangle: u32) -> u32 {
+        self.faces.triangles()[triangle as usize][0]
     }
 }
 

@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::Vec3;
 use crate::contact::topology::faces::Faces;
 use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::Bvh;
 use crate::parallel::ranks::Ranks;
@@ -31,7 +32,9 @@ pub(crate) struct GhostTriangle {
 pub(crate) struct PlacedGhostTriangle {
     triangle: GhostTriangle,
     /// A bit for each corner that has moved.
-    moved: u64,
+    moved: u32,
+    /// Its garment.
+    object: u32,
     /// Positions of its corners [m].
     x: [Vec3; 3],
 }
@@ -76,20 +79,21 @@ pub(crate) fn exchange_ghosts(nodes: &ContactNodes, faces: &Faces, tree: &Bvh, b
 
 /// The same with the places `x` of the nodes [m], and which of them have moved.
 pub(crate) fn exchange_ghosts_with_positions(
-    nodes: &ContactNodes,
-    faces: &Faces,
+    surface: &ContactSurface,
     tree: &Bvh,
     boxes: &[Aabb],
     x: &[Vec3],
     moved: Option<&[u8]>,
 ) -> Vec<PlacedGhostTriangle> {
+    let (nodes, faces) = (surface.nodes(), surface.cloth());
     let lists = triangles_to_export(nodes.ranks(), faces, tree, boxes);
     let tell = |t: &u32| {
         let corners = faces.triangles()[*t as usize].map(|node| node as usize);
         let has_moved = |k: usize| moved.is_none_or(|moved| moved[corners[k]] != 0);
         PlacedGhostTriangle {
             triangle: GhostTriangle::of(nodes, faces, *t),
-            moved: (0..3).map(|k| u64::from(has_moved(k)) << k).sum(),
+            moved: (0..3).map(|k| u32::from(has_moved(k)) << k).sum(),
+            object: surface.object(corners[0] as u32),
             x: corners.map(|corner| x[corner]),
         }
     };
@@ -108,6 +112,8 @@ pub(crate) struct GhostTriangles {
     pub x: Vec<Vec3>,
     /// Whether it has moved.
     pub moved: Vec<bool>,
+    /// Garment of each triangle.
+    pub objects: Vec<u32>,
     /// A tree over them.
     pub tree: Bvh,
 }
@@ -120,8 +126,9 @@ impl GhostTriangles {
         let numbers = ghosts.iter().flat_map(|ghost| ghost.triangle.corners).collect();
         let x: Vec<Vec3> = ghosts.iter().flat_map(|ghost| ghost.x).collect();
         let moved = ghosts.iter().flat_map(|ghost| [0, 1, 2].map(|k| ghost.moved >> k & 1 == 1)).collect();
+        let objects = ghosts.iter().map(|ghost| ghost.object).collect();
         let bounds = |x: &[Vec3]| x.iter().fold(Aabb::EMPTY, |bounds, x| bounds.union(&Aabb::of_point(x)));
         let boxes: Vec<Aabb> = x.chunks(3).map(bounds).collect();
-        Self { faces: Faces::from_bits(triangles, &carried), numbers, x, moved, tree: Bvh::build(&boxes) }
+        Self { faces: Faces::from_bits(triangles, &carried), numbers, x, moved, objects, tree: Bvh::build(&boxes) }
     }
 }

@@ -291,8 +291,7 @@ fn own_nodes(surface: &ContactSurface) -> Range<u32> {
 /// The entry of a pair, if it is close enough for the list.
 fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<CandidatePair> {
     let [a, b] = pair.fold(surface.edge_length(), f64::max);
-    let thick =
-        surface.body_of(&pair.nodes).map_or_else(|| pair_thickness(&pair, surface.thickness()), |b| b.thickness);
+    let thick = surface.body_of(&pair.nodes).map_or_else(|| surface.pair_thickness(&pair), |body| body.thickness);
     let limit = ACTIVE * thick + reach * (a + b) + gap;
     let positions = pair.positions(x);
     if pair.is_beyond(&positions, limit) {
@@ -329,12 +328,6 @@ fn replicate_pairs(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>)
 /// `f32` not above a positive `x`.
 fn below(x: f64) -> f32 {
     x as f32 * (1.0 - f32::EPSILON)
-}
-
-/// Thickness of a pair (`docs/theory/self_contact.md#repulsion-with-history`).
-fn pair_thickness(pair: &Pair, thickness: &[f64]) -> f64 {
-    let [a, b] = pair.fold(thickness, f64::min);
-    a.max(b)
 }
 
 /// Whether the two belong to one garment and lie this close by construction.

@@ -78,7 +78,7 @@ impl PairSearch {
         }
         // The box of a ghost is that of its owner, who judges whether it is left.
         self.exchange(surface.nodes(), left);
-        self.cloth.refit(surface.cloth(), &self.node_boxes);
+        self.cloth.refit(surface.cloth(), &self.node_boxes, surface.groups());
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, proximity, paths);
@@ -87,7 +87,7 @@ impl PairSearch {
             self.exchange(surface.nodes(), left);
         }
         if !surface.ranks().is_alone() {
-            self.ghost_bvh.refit(&self.ghosts, &self.node_boxes);
+            self.ghost_bvh.refit(&self.ghosts, &self.node_boxes, surface.groups());
         }
         let concerned = |pair: &Pair| pair.nodes.iter().any(|node| left[*node as usize] != 0);
         found.retain(|pair| !concerned(pair));
@@ -137,8 +137,8 @@ impl PairSearch {
                 _ => ghosts.has(t, marks) && !cloth.has(s, marks),
             };
             let mut out = Vec::new();
-            tree.pairs_of(task, others, &mut |s, t| {
-                if is_new(s, t) {
+            tree.pairs_of(task, others, None, &mut |s, t| {
+                if is_new(s, t) && !surface.is_ignored(cloth.first_node(s), other.first_node(t)) {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             });

@@ -14,7 +14,7 @@ use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::bvh::Bvh;
 use crate::geometry::crossings::{self, Crossing, Surface};
 
-/// All crossings with the nodes at `x` [m], which are inside the boxes that were given to the search last; of those of cloth
+/// All crossings of objects that do not ignore each other, with the nodes at `x` [m], which are inside the boxes that were given to the search last; of those of cloth
 /// with cloth the ones with a node in `moved` (one entry for each node), if given. Ascending, in numbers of the scene. All
 /// ranks call it together.
 pub(crate) fn crossings(
@@ -34,6 +34,7 @@ pub(crate) fn crossings(
         found.extend(crossings::find_between(&cloth, &bodies));
         found.extend(crossings::find_between(&bodies, &cloth));
     }
+    found.retain(|crossing| !surface.is_ignored(crossing.edge[0], crossing.triangle[0]));
     let nodes = surface.nodes();
     if nodes.ranks().is_alone() {
         found.sort_unstable();
@@ -61,27 +62,24 @@ fn with_visitors(
     moved: Option<&[u8]>,
 ) -> Vec<Crossing> {
     let nodes = surface.nodes();
-    let rows = exchange_ghosts_with_positions(
-        nodes,
-        surface.cloth(),
-        cloth.tree,
-        search.cloth_boxes(),
-        cloth.positions,
-        moved,
-    );
-    let GhostTriangles { faces, numbers, x, moved: theirs, tree } = GhostTriangles::new(&rows);
+    let rows = exchange_ghosts_with_positions(surface, cloth.tree, search.cloth_boxes(), cloth.positions, moved);
+    let GhostTriangles { faces, numbers, x, moved: theirs, objects, tree } = GhostTriangles::new(&rows);
     let ghosts = placed(&faces, &tree, &x);
     let number = |node: u32| nodes.number(node);
     let ghost_number = |node: u32| numbers[node as usize];
     let has_moved = |node: u32| moved.is_none_or(|moved| moved[node as usize] != 0);
     let they_have = |node: u32| theirs[node as usize];
+    // Ghost triangles have three nodes each.
+    let ignores = |own: u32, ghost: u32| surface.ignores(surface.object(own), objects[ghost as usize / 3]);
     let asked = |edge: &[u32; 2], triangle: &[u32; 3]| {
         let apart = !edge.iter().any(|e| triangle.iter().any(|t| number(*e) == ghost_number(*t)));
-        apart && (edge.iter().any(|e| has_moved(*e)) || triangle.iter().any(|t| they_have(*t)))
+        let is_asked = edge.iter().any(|e| has_moved(*e)) || triangle.iter().any(|t| they_have(*t));
+        apart && is_asked && !ignores(edge[0], triangle[0])
     };
     let asked_back = |edge: &[u32; 2], triangle: &[u32; 3]| {
         let apart = !edge.iter().any(|e| triangle.iter().any(|t| ghost_number(*e) == number(*t)));
-        apart && (edge.iter().any(|e| they_have(*e)) || triangle.iter().any(|t| has_moved(*t)))
+        let is_asked = edge.iter().any(|e| they_have(*e)) || triangle.iter().any(|t| has_moved(*t));
+        apart && is_asked && !ignores(triangle[0], edge[0])
     };
     let ours = crossings::find_between_where(cloth, &ghosts, asked);
     let back = crossings::find_between_where(&ghosts, cloth, asked_back);

@@ -21,6 +21,7 @@ use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{Closest, KINDS, Pair, PairKind};
+use crate::contact::topology::pair_friction::PairFriction;
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
@@ -73,8 +74,8 @@ pub(crate) struct RepulsionStep<'a> {
     pub x: &'a [Vec3],
     /// Inverse masses, zero where a vertex is held [1/kg].
     pub mobility: &'a [f64],
-    /// Factor on the friction of the laws, and addend to it; `None` if friction is nowhere painted.
-    pub friction: Option<&'a [[f64; 2]]>,
+    /// Friction where it differs from that of the laws.
+    pub friction: PairFriction<'a>,
     /// Bodies that the nodes lie on; `None` where repulsion does not care.
     pub constraints: Option<&'a [BodyConstraints]>,
 }
@@ -370,7 +371,7 @@ impl OrientedPair {
             response += w * w * if own > 0.0 { own } else { free };
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
-        let friction = step.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        let friction = step.friction.of(laws.friction, nodes, weights);
         (response > 0.0).then_some(ActivePair {
             nodes,
             weights,
@@ -442,16 +443,6 @@ impl Laws {
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
         let approaches = normal_velocity < 0.0 && normal_velocity < limit;
         approaches.then_some(limit - normal_velocity)
-    }
-
-    /// Friction of a pair: the mean of what is painted on its two sides where they touch.
-    fn mean_friction(&self, painted: &[[f64; 2]], nodes: [u32; 4], weights: [f64; 4]) -> f64 {
-        let at = |node: u32| {
-            let [times, more] = painted[node as usize];
-            times * self.friction + more
-        };
-        // The weights of each side add up to one, or to minus one.
-        0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
     }
 
     /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of

@@ -351,8 +351,7 @@ impl OrientedPair {
             return None;
         }
         let slip = velocity - normal * approach;
-        let of_cloth =
-            || surface.friction().map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        let of_cloth = || surface.friction().of(laws.friction, nodes, weights);
         let friction = surface.body_of(&nodes).map_or_else(of_cloth, |body| body.friction);
         let (pair, speed) = (surface.nodes().numbered(&self.pair), slip.norm());
         let mut history = history(&pair);

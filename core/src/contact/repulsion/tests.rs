@@ -2,6 +2,7 @@ use super::*;
 use crate::contact::bodies::constraints::BodyConstraint;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::PairOrder;
+use crate::contact::topology::pair_friction::PairFriction;
 use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
@@ -72,7 +73,7 @@ impl Pushed {
             dt,
             x: &self.x,
             mobility: &self.mobility,
-            friction: None,
+            friction: PairFriction::default(),
             constraints: None,
         };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
@@ -92,7 +93,7 @@ impl Pushed {
             dt: 1.0,
             x: &self.x,
             mobility: &self.mobility,
-            friction: None,
+            friction: PairFriction::default(),
             constraints: None,
         };
         self.repulsions.refresh(&at);
@@ -249,7 +250,14 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let (before, at_start) = (momentum(&pushed), pushed.v.clone());
         let mut metrics = Metrics::default();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
+        let at = RepulsionStep {
+            nodes,
+            dt: 1e-3,
+            x,
+            mobility,
+            friction: PairFriction::default(),
+            constraints: Some(&constraints),
+        };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut metrics);
         let bears = (before - momentum(&pushed)).abs();
         assert!(bears < 1e-12, "what was given and what bodies have to bear differ by {bears} N s");
@@ -277,7 +285,14 @@ fn friction_between_a_node_on_a_body_and_another_is_coulombs_of_all_that_it_bear
         let impulse = |p: &Pushed, v: &[Vec3]| -> Vec3 { (3..6).map(|i| (p.v[i] - v[i]) / p.mobility[i]).sum() };
         let at_start = pushed.v.clone();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
+        let at = RepulsionStep {
+            nodes,
+            dt: 1e-3,
+            x,
+            mobility,
+            friction: PairFriction::default(),
+            constraints: Some(&constraints),
+        };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
         let given = impulse(&pushed, &at_start);
         assert!((-given.x / given.y - friction).abs() < 1e-9, "{} for {friction}", -given.x / given.y);
@@ -297,7 +312,14 @@ fn nodes_between_two_bodies_are_not_thrown() {
     }
     pushed.v[free] = Vec3::y();
     let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-    let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, constraints: Some(&constraints) };
+    let at = RepulsionStep {
+        nodes,
+        dt: 1e-3,
+        x,
+        mobility,
+        friction: PairFriction::default(),
+        constraints: Some(&constraints),
+    };
     pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
     let speed = pushed.v[free].norm();
     assert!(speed <= 1.0, "{speed} m/s");

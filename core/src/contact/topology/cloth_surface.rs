@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::contact::topology::contact_matrix::ContactMatrix;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::SUM_BLOCK;
 use crate::scene::Scene;
@@ -26,6 +27,8 @@ pub(crate) struct LocalClothSurface {
     pub rest: Vec<Vec3>,
     /// Thickness that repulsions keep [m].
     pub thickness: Vec<f64>,
+    /// Largest thickness that short edges allow [m]; `None` where no rule gives cloth a thickness.
+    pub largest_thickness: Option<Vec<f64>>,
     /// Factor on the friction of cloth on cloth, and term added to it, as painted; `None` if it is nowhere painted.
     pub friction: Option<Vec<[f64; 2]>>,
     /// Mean rest length of the edges of each vertex [m].
@@ -36,6 +39,8 @@ pub(crate) struct LocalClothSurface {
     pub mobility: Vec<f64>,
     /// Mean rest length of all edges of the scene [m].
     pub mean_edge: f64,
+    /// Rules of contact by pair; `None` in scenes without rules.
+    pub matrix: Option<ContactMatrix>,
 }
 
 impl LocalClothSurface {
@@ -43,6 +48,8 @@ impl LocalClothSurface {
     pub(crate) fn of(scene: &Scene, clamp: f64) -> Self {
         let parts = scene.parts();
         let own = parts.own();
+        let matrix = ContactMatrix::of(scene.description());
+        let has_thickness = matrix.as_ref().is_some_and(ContactMatrix::has_cloth_thickness);
         let mut share = Self {
             ranks: parts.ranks().clone(),
             rank_starts: parts.rank_starts().to_vec(),
@@ -56,11 +63,13 @@ impl LocalClothSurface {
             triangles: Vec::new(),
             rest: vec![Vec3::zeros(); own.len()],
             thickness: vec![0.0; own.len()],
+            largest_thickness: has_thickness.then(|| vec![f64::INFINITY; own.len()]),
             friction: scene.painted_everywhere("self_friction").map(|all| all[own.clone()].to_vec()),
             edge_length: vec![0.0; own.len()],
             garment: own.clone().map(|v| parts.garment_of(v) as u32).collect(),
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),
             mean_edge: scene.mean_edge(),
+            matrix,
         };
         let mut edges = vec![0; own.len()];
         for garment in 0..scene.meshes().len() {
@@ -95,6 +104,9 @@ impl LocalClothSurface {
             for v in edge.vertices.into_iter().filter_map(own) {
                 // Method 3.2.
                 self.thickness[v] = self.thickness[v].min(clamp * length);
+                if let Some(largest) = &mut self.largest_thickness {
+                    largest[v] = largest[v].min(clamp * length);
+                }
                 self.edge_length[v] += length;
                 edges[v] += 1;
             }

@@ -10,15 +10,17 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision;
 use crate::contact::topology::cloth_surface::LocalClothSurface;
 use crate::contact::topology::common_rigid_motion::Samples;
+use crate::contact::topology::contact_matrix::{ContactGroups, ContactMatrix};
 use crate::contact::topology::faces::{Faces, Sides};
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
+use crate::contact::topology::pair_friction::PairFriction;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{BodyShape, Scene};
 
-/// Garment of the points of bodies.
-const NO_GARMENT: u32 = u32::MAX;
+/// Object of a node that is not known yet.
+const UNKNOWN: u32 = u32::MAX;
 
 /// The surfaces of a scene that can touch.
 #[derive(Debug)]
@@ -42,7 +44,10 @@ pub(crate) struct ContactSurface {
     friction: Option<Vec<[f64; 2]>>,
     /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
-    garment: Vec<u32>,
+    /// Object of each node: garments, then bodies.
+    object: Vec<u32>,
+    /// Rules of contact by pair; `None` in scenes without rules.
+    rules: Option<Rules>,
     /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
     edge_length: Vec<f64>,
     /// Inverse masses per axis, zero where held [1/kg].
@@ -60,6 +65,16 @@ pub(crate) struct BodyRepulsion {
     pub thickness: f64,
     /// Coulomb friction coefficient.
     pub friction: f64,
+}
+
+/// Rules of contact by pair, as far as a surface needs them.
+#[derive(Debug)]
+struct Rules {
+    matrix: ContactMatrix,
+    /// Groups by what ignores what; `None` if nothing ignores anything.
+    groups: Option<ContactGroups>,
+    /// Largest thickness that short edges allow at each node, zero for bodies [m]; `None` where no rule gives cloth a thickness.
+    largest_thickness: Option<Vec<f64>>,
 }
 
 /// Share of the thickness of a body that edges and faces keep. They cut corners where vertices lie on a round body at its thickness.
@@ -129,11 +144,24 @@ impl ContactSurface {
         let (of_bodies, body_sides) = Faces::new(of_bodies, |_| true);
         let longest = share.edge_length.iter().copied().fold(if points > 0 { mean_edge } else { 0.0 }, f64::max);
         let mobility: Vec<Vec3> = share.mobility.iter().map(|w| Vec3::repeat(*w)).collect();
+        let rules = share.matrix.map(|matrix| Rules {
+            groups: matrix.groups(),
+            largest_thickness: share.largest_thickness.map(|largest| over_nodes(&nodes, largest, 0.0)),
+            matrix,
+        });
+        let mut object = over_nodes(&nodes, share.garment, UNKNOWN);
+        if let Some(rules) = &rules {
+            for (body, (number, first)) in bodies.iter().zip(&first_points) {
+                let points = nodes.cloth() + *first as usize..nodes.cloth() + *first as usize + body.points;
+                object[points].fill(rules.matrix.object_of_body(*number));
+            }
+        }
         let mut surface = Self {
             thickness: over_nodes(&nodes, share.thickness, 0.0),
             friction: share.friction.map(|painted| over_nodes(&nodes, painted, PLAIN)),
             rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
-            garment: over_nodes(&nodes, share.garment, NO_GARMENT),
+            object,
+            rules,
             edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
             mobility: over_nodes(&nodes, mobility, Vec3::zeros()),
             longest_edge: ranks.max(longest),
@@ -159,7 +187,10 @@ impl ContactSurface {
             self.nodes.update(friction);
         }
         self.nodes.update(&mut self.rest);
-        self.nodes.update(&mut self.garment);
+        self.nodes.update(&mut self.object);
+        if let Some(Rules { largest_thickness: Some(largest), .. }) = &mut self.rules {
+            self.nodes.update(largest);
+        }
         self.nodes.update(&mut self.edge_length);
         self.nodes.update(&mut self.mobility);
     }
@@ -193,7 +224,10 @@ impl ContactSurface {
             renumber.apply(friction, PLAIN);
         }
         renumber.apply(&mut self.rest, Vec3::zeros());
-        renumber.apply(&mut self.garment, NO_GARMENT);
+        renumber.apply(&mut self.object, UNKNOWN);
+        if let Some(Rules { largest_thickness: Some(largest), .. }) = &mut self.rules {
+            renumber.apply(largest, 0.0);
+        }
         renumber.apply(&mut self.edge_length, 0.0);
         renumber.apply(&mut self.mobility, Vec3::zeros());
         self.nodes = nodes;
@@ -240,10 +274,50 @@ impl ContactSurface {
         &self.thickness
     }
 
-    /// Returns the factor on the friction of cloth on cloth at each node, and the term added to it; `None` if it is
-    /// nowhere painted.
-    pub(crate) fn friction(&self) -> Option<&[[f64; 2]]> {
-        self.friction.as_deref()
+    /// Friction of cloth on cloth, as it is painted and as rules have it.
+    pub(crate) fn friction(&self) -> PairFriction<'_> {
+        let rules = self.rules.as_ref().map(|rules| (&rules.matrix, self.object.as_slice()));
+        PairFriction { painted: self.friction.as_deref(), rules }
+    }
+
+    /// The groups of objects by what ignores what, and the object of each node; `None` if nothing ignores anything.
+    pub(crate) fn groups(&self) -> Option<ObjectGroups<'_>> {
+        let groups = self.rules.as_ref().and_then(|rules| rules.groups.as_ref())?;
+        Some(ObjectGroups { groups, objects: &self.object })
+    }
+
+    /// Whether two nodes are of objects that pass through each other.
+    #[inline]
+    pub(crate) fn is_ignored(&self, a: u32, b: u32) -> bool {
+        let ignores = |rules: &Rules| {
+            let [a, b] = [a, b].map(|node| self.object[node as usize] as usize);
+            rules.matrix.between(a, b).is_ignored
+        };
+        self.rules.as_ref().is_some_and(ignores)
+    }
+
+    /// Whether two objects pass through each other.
+    pub(crate) fn ignores(&self, a: u32, b: u32) -> bool {
+        self.rules.as_ref().is_some_and(|rules| rules.matrix.between(a as usize, b as usize).is_ignored)
+    }
+
+    /// Object of a node: garments, then bodies.
+    pub(crate) fn object(&self, node: u32) -> u32 {
+        self.object[node as usize]
+    }
+
+    /// Thickness of a pair of cloth with cloth [m] (`docs/theory/self_contact.md#repulsion-with-history`).
+    pub(crate) fn pair_thickness(&self, pair: &Pair) -> f64 {
+        let of_nodes = |thickness: &[f64]| {
+            let [a, b] = pair.fold(thickness, f64::min);
+            a.max(b)
+        };
+        let by_rule = |rules: &Rules| {
+            let largest = of_nodes(rules.largest_thickness.as_ref()?);
+            let [a, b] = [pair.nodes[0], pair.nodes[3]].map(|node| self.object[node as usize] as usize);
+            Some(rules.matrix.between(a, b).thickness?.min(largest))
+        };
+        self.rules.as_ref().and_then(by_rule).unwrap_or_else(|| of_nodes(&self.thickness))
     }
 
     /// Nodes at rest, bodies at zero [m].
@@ -319,28 +393,43 @@ impl ContactSurface {
 
     /// Whether all nodes of a pair are of one garment.
     pub(crate) fn is_one_garment(&self, pair: &Pair) -> bool {
-        let [a, b, c, d] = pair.nodes.map(|node| self.garment[node as usize]);
+        let [a, b, c, d] = pair.nodes.map(|node| self.object[node as usize]);
         a == b && b == c && c == d
     }
 
-    /// Distance that repulsions keep around a node [m].
+    /// Largest distance that repulsions keep around a node [m].
     pub(crate) fn kept_distance(&self, node: usize) -> f64 {
-        if node < self.nodes.cloth() {
-            return self.thickness[node];
+        if node >= self.nodes.cloth() {
+            return self.body_at(node as u32).map_or(0.0, |(body, repulsion)| {
+                let by_rule = self.rules.as_ref().map_or(0.0, |rules| rules.matrix.largest_body_thickness(body));
+                repulsion.thickness.max(OF_BODY_THICKNESS * by_rule)
+            });
         }
-        self.body_at(node as u32).map_or(0.0, |body| body.thickness)
+        let by_rule = |rules: &Rules| {
+            let largest = rules.largest_thickness.as_ref()?[node];
+            Some(rules.matrix.largest_cloth_thickness(self.object[node] as usize).min(largest))
+        };
+        self.thickness[node].max(self.rules.as_ref().and_then(by_rule).unwrap_or(0.0))
     }
 
     /// Returns the repulsion by the body that a pair has a point of, if it has one and the body repels in the solves.
-    pub(crate) fn body_of(&self, nodes: &[u32; 4]) -> Option<&BodyRepulsion> {
-        nodes.iter().find(|&&node| self.is_body(node)).and_then(|node| self.body_at(*node))
+    pub(crate) fn body_of(&self, nodes: &[u32; 4]) -> Option<BodyRepulsion> {
+        let point = nodes.iter().find(|&&node| self.is_body(node))?;
+        let (body, repulsion) = self.body_at(*point)?;
+        let Some(rules) = &self.rules else { return Some(*repulsion) };
+        let cloth = nodes.iter().find(|&&node| !self.is_body(node))?;
+        let entry = rules.matrix.on_body(self.object[*cloth as usize] as usize, body);
+        Some(BodyRepulsion {
+            thickness: entry.thickness.map_or(repulsion.thickness, |thickness| OF_BODY_THICKNESS * thickness),
+            friction: entry.friction.unwrap_or(repulsion.friction),
+        })
     }
 
-    /// Returns the repulsion in the solves by the body that this point belongs to.
-    fn body_at(&self, node: u32) -> Option<&BodyRepulsion> {
+    /// Returns the body that this point belongs to, and its repulsion in the solves.
+    fn body_at(&self, node: u32) -> Option<(usize, &BodyRepulsion)> {
         let point = node - self.nodes.cloth() as u32;
         let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
-        self.body_repulsion.get(last)
+        Some((self.first_points[last].0, self.body_repulsion.get(last)?))
     }
 
     /// Whether repulsions act on a pair: between cloth and cloth; bodies have their own contact.
@@ -390,7 +479,28 @@ impl ContactSurface {
         let sides = self.sides.iter().map(Vec::len).sum::<usize>() * size_of::<([u32; 2], u32)>();
         let traits = 2 * size_of::<f64>() + 2 * size_of::<Vec3>() + size_of::<u32>();
         let friction = self.friction.as_ref().map_or(0, |painted| size_of_val(painted.as_slice()));
-        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits + friction
+        let largest = self.rules.as_ref().and_then(|rules| rules.largest_thickness.as_ref());
+        let rules = largest.map_or(0, |largest| size_of_val(largest.as_slice()));
+        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits + friction + rules
+    }
+}
+
+/// Groups of objects by what ignores what, for a search.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ObjectGroups<'a> {
+    groups: &'a ContactGroups,
+    objects: &'a [u32],
+}
+
+impl<'a> ObjectGroups<'a> {
+    /// The groups.
+    pub(crate) fn groups(&self) -> &'a ContactGroups {
+        self.groups
+    }
+
+    /// Bit of the group of a node.
+    pub(crate) fn of_node(&self, node: u32) -> u64 {
+        self.groups.of_object(self.objects[node as usize])
     }
 }
 

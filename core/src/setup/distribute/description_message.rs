@@ -11,9 +11,9 @@ use crate::parallel::message::{Codec, Decoder, codec};
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, MergedVertex, PinAnchor,
-    PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, Timeline,
-    WindGridShape,
+    BodyDescription, BodyShape, ContactRule, ContactSide, EffectRequest, GarmentDescription, Integrator, Mass,
+    MergedVertex, PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription,
+    SeamDescription, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -46,8 +46,10 @@ codec!(struct PinDescription { garment, target, axes, from, until, hold });
 codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 codec!(struct EffectRequest { effect, garment, settings, sources, because });
 codec!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
+codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body) });
+codec!(struct ContactRule { between, ignore, friction, thickness });
 codec!(struct WindGridShape { origin, spacing, counts });
-codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });
+codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, contacts, wind, effects, left_out });
 codec!(struct Pinned { number, pin, row, vertex, attachment });
 codec!(struct MergedVertex { vertex, leader, offset });
 codec!(struct Sewn { number, seam, ends, gap });
@@ -111,6 +113,8 @@ mod tests {
             description.pins.push(PinDescription { garment: 0, target, axes, from: -1.0, until: 2.0, hold });
         }
         description.pins[0].hold = PinHold::Spring { stiffness: 3.0, damping_ratio: 1.0, break_force: Some(2.0) };
+        let rule = ContactRule::new([ContactSide::Garment(0), ContactSide::Body(3)]);
+        description.contacts.push(ContactRule { friction: Some(0.2), ..rule });
         let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
         description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
         let bytes = description.to_bytes();

@@ -1,6 +1,7 @@
 //! From a description to a scene: every problem is reported. Elements that cannot be simulated are left out
 //! (`crate::setup::mesh_checks::degenerate`), and nothing is repaired.
 
+mod contacts;
 mod maps_and_seams;
 pub(super) mod unused;
 
@@ -27,6 +28,7 @@ use crate::scene::{
 use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh;
+use contacts::check_contacts;
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
 use unused::check_unused;
 
@@ -85,6 +87,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
     }
     check_pins(description, &mut problems);
     check_seams(description, &mut problems);
+    check_contacts(description, &mut problems);
     check_effects(description, &mut problems);
     check_unused(description, &mut problems);
     problems

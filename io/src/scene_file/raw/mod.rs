@@ -5,6 +5,7 @@
 //! Positions, velocities and times are in metres, metres per second and seconds with Y up, whatever the units of the
 //! input files.
 
+mod contact;
 mod garment;
 mod place_schemas;
 mod seam;
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{LengthUnit, UpAxis};
 
+pub(in crate::scene_file) use contact::Contact;
 pub(in crate::scene_file) use garment::{
     Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
     PanelShape, Pin, Region, RenderMesh, Tube,
@@ -48,6 +50,9 @@ pub(in crate::scene_file) struct Document {
     /// Vertices that seams draw together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) seam: Vec<Seam>,
+    /// Contact by pair: which garments and bodies ignore each other, and friction and thickness between two of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) contact: Vec<Contact>,
     /// Choice among the effects that the scene asks for. Leave it out to run them all.
     #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
     pub(in crate::scene_file) effects: EffectChoice,

@@ -19,7 +19,7 @@ impl BodyCollision {
     /// The vertices that rest on bodies at the start of the step and do not leave them at once, ascending. `step.v_half` are the
     /// velocities that they are expected to go with, `layers` the thickness that layers keep at each own vertex, if they do [m].
     pub(crate) fn resting(&mut self, step: &CollisionStep<'_>, layers: Option<&[f64]>) -> Vec<ActiveContact> {
-        let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
+        let (slots, painted, rules) = (&self.memory_slot, self.painted.as_slice(), self.rules.as_ref());
         let (search, surfaces, first) = (self.search, self.surfaces, self.first);
         let of_vertex = |vertex: usize, memory: &mut [super::ClosestCache]| {
             let (x, v_half) = (&step.x[vertex], &step.v_half[vertex]);
@@ -28,7 +28,9 @@ impl BodyCollision {
             let own_way = (step.v[vertex].norm() + v_half.norm()) * step.dt + slid_off;
             let known = [QueryCache::NOTHING; CACHED];
             let mut counts = Counts::default();
-            let mut search = Search { step, slots, painted, search, memory, counts: &mut counts, own_way, known };
+            let properties = rules.map_or(step.bodies.properties(), |rules| rules.of_vertex(vertex));
+            let counts = &mut counts;
+            let mut search = Search { step, slots, painted, properties, search, memory, counts, own_way, known };
             let end = x + v_half * step.dt;
             if search.is_far_from_all(x, &end) { None } else { search.resting([first, vertex], &end, slid_off) }
         };
@@ -72,8 +74,8 @@ impl Search<'_> {
         let (x, v, dt) = (&step.x[vertex], &step.v[vertex], step.dt);
         let mut found: Option<ActiveContact> = None;
         let (mut count, mut touched) = (0, None);
-        for body in 0..step.bodies.list().len() {
-            let properties = &step.bodies.list()[body];
+        for body in 0..self.properties.len() {
+            let properties = &self.properties[body];
             let (offset, gap) = (properties.offset, properties.offset - properties.thickness);
             let resting = offset + gap.max(RESTING_GAP * offset);
             let at_start = self.distance_at_start(body, x);

@@ -25,9 +25,7 @@ impl BodyCollision {
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset && hold.is_met(bodies, x, v) {
-                        let body = &bodies.list()[hold.body];
-                        let friction = body.friction_on(self.painted.get(c * CHUNK + i));
-                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
+                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, hold.friction);
                     }
                 }
             }

@@ -37,15 +37,14 @@ impl Search<'_> {
         contact: &mut VertexContact,
         touched: Option<LastContact>,
     ) -> Option<Vec3> {
-        let bodies = self.step.bodies;
         if let Some(touch) = &touched
             && let Some(velocity) = self.between_parts(touch, x1)
         {
             return Some(velocity);
         }
         let mut squeezed = None;
-        for body in 0..bodies.list().len() {
-            let properties = &bodies.list()[body];
+        for body in 0..self.properties.len() {
+            let properties = &self.properties[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
             let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
@@ -83,7 +82,7 @@ impl Search<'_> {
     /// The gap between the surface that a vertex at `x` has touched and one that faces it.
     fn gap(&self, touch: &LastContact, facing: &BodyPoint, x: &Vec3) -> Gap {
         let LastContact { body: first, at, outside } = touch;
-        let first = &self.step.bodies.list()[*first];
+        let first = &self.properties[*first];
         // Less than contact asks for where what was too deep before comes out at a limited speed.
         let away = first.offset - first.thickness + (x - outside).dot(&at.normal);
         let width = away + facing.phi;
@@ -101,7 +100,11 @@ impl Search<'_> {
         }
         // The other part begins behind the vertex, as seen from the surface that it has touched.
         let behind = x - touch.at.normal * (2.0 * self.search);
-        let other = if self.step.pinched_in_solves { bodies.entry(touch.body, &behind, x) } else { None };
+        let other = if self.step.pinched_in_solves {
+            bodies.entry(touch.body, &behind, x, self.properties[touch.body].thickness)
+        } else {
+            None
+        };
         Some((touch.at.velocity + other.map_or(touch.at.velocity, |at| at.velocity)) * 0.5)
     }
 

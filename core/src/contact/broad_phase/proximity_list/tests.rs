@@ -72,7 +72,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
             assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");
             let (mut close, mut least) = (0, f64::INFINITY);
             for pair in &all {
-                let reach = ACTIVE * pair_thickness(pair, surface.thickness());
+                let reach = ACTIVE * surface.pair_thickness(pair);
                 for share in [0.0, 0.3, 1.0] {
                     let now: Vec<Vec3> = start.iter().zip(&end).map(|(a, b)| a.lerp(b, share)).collect();
                     let distance = pair.closest(&pair.positions(&now)).apart.norm();

@@ -94,7 +94,14 @@ impl Heap {
             // What ghosts had before must not matter.
             (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
             let constraints = (passes == Passes::WithoutSprings).then_some(constraints.as_slice());
-            let at = RepulsionStep { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, constraints };
+            let at = RepulsionStep {
+                nodes: &nodes,
+                dt: 0.1,
+                x: &x,
+                mobility: &mobility,
+                friction: PairFriction::default(),
+                constraints,
+            };
             repulsions.positions_changed();
             repulsions.apply(passes, &at, &mut v, &mut metrics);
         }

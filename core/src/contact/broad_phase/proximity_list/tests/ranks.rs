@@ -109,6 +109,8 @@ impl Heap {
             rest: self.rest[own.clone()].to_vec(),
             thickness: self.thickness[own.clone()].to_vec(),
             friction: None,
+            largest_thickness: None,
+            matrix: None,
             edge_length: self.edge_length[own.clone()].to_vec(),
             garment: own.clone().map(|v| (v / SHEET) as u32).collect(),
             mobility: self.mobility[own].to_vec(),

@@ -1,0 +1,91 @@
+//! Rules for pairs of objects that can touch: which ignore each other, and friction and thickness by pair.
+
+use crate::scene::described::described;
+use crate::scene::{LARGEST_THICKNESS, SceneDescription};
+
+/// An object that takes part in contact.
+///
+/// ```
+/// use drapery_core::ContactSide;
+/// assert_ne!(ContactSide::Garment(0), ContactSide::Body(0));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ContactSide {
+    /// A garment, by its number.
+    Garment(usize),
+    /// A body, by its number.
+    Body(usize),
+}
+
+/// Contact of two garments, of a garment with a body, or of a garment with itself, where it differs from what the objects say.
+///
+/// ```
+/// use drapery_core::{ContactRule, ContactSide};
+/// let between = [ContactSide::Garment(0), ContactSide::Garment(1)];
+/// let slippery = ContactRule { friction: Some(0.1), ..ContactRule::new(between) };
+/// let lining = ContactRule { ignore: true, ..ContactRule::new(between) };
+/// assert_eq!((slippery.ignore, lining.friction), (false, None));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRule {
+    /// The two objects; the same garment twice for its own layers.
+    pub between: [ContactSide; 2],
+    /// True if they pass through each other.
+    pub ignore: bool,
+    /// Coulomb friction coefficient between them.
+    pub friction: Option<f64>,
+    /// Distance that they keep [m]; short edges lower it between cloth and cloth, as they lower a garment's.
+    pub thickness: Option<f64>,
+}
+
+impl ContactRule {
+    /// A rule that says nothing yet.
+    pub fn new(between: [ContactSide; 2]) -> Self {
+        Self { between, ignore: false, friction: None, thickness: None }
+    }
+
+    /// The two objects, the smaller first.
+    pub(crate) fn ordered(&self) -> [ContactSide; 2] {
+        let [a, b] = self.between;
+        [a.min(b), a.max(b)]
+    }
+
+    /// The body, if one takes part.
+    pub(crate) fn body(&self) -> Option<usize> {
+        self.between.into_iter().find_map(|side| if let ContactSide::Body(body) = side { Some(body) } else { None })
+    }
+}
+
+impl SceneDescription {
+    /// Whether two objects pass through each other by a rule.
+    pub fn ignores(&self, a: ContactSide, b: ContactSide) -> bool {
+        let wanted = ContactRule::new([a, b]).ordered();
+        self.contacts.iter().any(|rule| rule.ignore && rule.ordered() == wanted)
+    }
+
+    /// Names of the garments of each rule by which garments pass through each other.
+    pub fn ignored_garments(&self) -> Vec<[String; 2]> {
+        let garment = |side: ContactSide| match side {
+            ContactSide::Garment(garment) => Some(self.garments[garment].name.clone()),
+            ContactSide::Body(_) => None,
+        };
+        let names = |rule: &ContactRule| Some([garment(rule.between[0])?, garment(rule.between[1])?]);
+        self.contacts.iter().filter(|rule| rule.ignore).filter_map(names).collect()
+    }
+
+    /// An object in words, as in `garment "skirt"`; its number if there is none.
+    pub fn contact_side(&self, side: ContactSide) -> String {
+        let (kind, number, name) = match side {
+            ContactSide::Garment(g) => ("garment", g, self.garments.get(g).map(|garment| &garment.name)),
+            ContactSide::Body(b) => ("body", b, self.bodies.get(b).map(|body| &body.name)),
+        };
+        name.map_or_else(|| format!("{kind} {number}"), |name| format!("{kind} \"{name}\""))
+    }
+}
+
+described! { ContactRule as rule {
+    "friction", rule.friction => None, default Absent, range (0.0, 100.0),
+        "Coulomb friction between the two; left out, that of the body, or of `[self_repulsion]` between cloth and cloth";
+    "thickness", rule.thickness => Length, default Absent, range (0.0, LARGEST_THICKNESS),
+        "distance that the two keep; left out, that of the body, or of the thicker garment";
+} }

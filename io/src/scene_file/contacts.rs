@@ -1,0 +1,62 @@
+//! Rules of contact: the objects that they name.
+
+use drapery_core::scene::{ContactRule, ContactSide, Described};
+
+use super::deserialize::suggestion;
+use super::raw::Contact;
+use super::resolve::Resolver;
+use super::tree::Path;
+
+/// Kinds of objects, as a name may say them, and the sides that they make.
+const KINDS: [(&str, fn(usize) -> ContactSide); 2] = [("garment", ContactSide::Garment), ("body", ContactSide::Body)];
+
+impl Resolver<'_> {
+    /// Resolves one rule. Problems are recorded, and the rule is then left out.
+    pub(super) fn contact(&mut self, contact: &Contact, path: &Path) {
+        let path_of = |side: usize| path.clone().key("between").index(side);
+        let [a, b] = [0, 1].map(|side| self.contact_side(&contact.between[side], &path_of(side)));
+        let (Some(a), Some(b)) = (a, b) else { return };
+        let settings = self.settings(path, ContactRule::FIELDS);
+        self.description.contacts.push(ContactRule {
+            between: [a, b],
+            ignore: contact.ignore,
+            friction: settings.optional("friction"),
+            thickness: settings.optional("thickness"),
+        });
+    }
+
+    /// The object of a name.
+    fn contact_side(&mut self, name: &str, path: &Path) -> Option<ContactSide> {
+        let document = &self.scene.document;
+        let written = [
+            document.garment.iter().map(|garment| garment.name.as_str()).collect::<Vec<_>>(),
+            document.body.iter().map(|body| body.name.as_str()).collect(),
+        ];
+        let find = |kind: usize, name: &str| written[kind].iter().position(|other| *other == name);
+        let kind = match [find(0, name), find(1, name)] {
+            [Some(_), Some(_)] => {
+                let help = format!("write \"garment.{name}\" or \"body.{name}\"");
+                self.error_with(path, format!("a garment and a body have the name \"{name}\""), help);
+                return None;
+            }
+            [Some(_), None] => Some((0, name)),
+            [None, Some(_)] => Some((1, name)),
+            [None, None] => KINDS.iter().enumerate().find_map(|(kind, (word, _))| {
+                let name = name.strip_prefix(word)?.strip_prefix('.')?;
+                find(kind, name).map(|_| (kind, name))
+            }),
+        };
+        let Some((kind, name)) = kind else {
+            let names: Vec<&str> = written.concat();
+            let help = suggestion(name, &names);
+            self.error_with(path, format!("there is no garment and no body \"{name}\""), help);
+            return None;
+        };
+        // One that could not be read has been reported already.
+        let read = match kind {
+            0 => self.description.garments.iter().position(|garment| garment.name == name),
+            _ => self.description.bodies.iter().position(|body| body.name == name),
+        };
+        read.map(KINDS[kind].1)
+    }
+}
