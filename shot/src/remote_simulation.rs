@@ -5,11 +5,12 @@ use std::time::SystemTime;
 
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
-use drapery_core::error::{Problems, StepError};
+use drapery_core::error::{Problem, Problems, StepError};
 use drapery_core::observe::{ChecksumSink, Observer, Sink, Tracepoint};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::gather::VertexField;
 use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, Simulation};
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use drapery_io::error::IoError;
@@ -49,6 +50,8 @@ enum Command {
     State,
     /// Give everything that time has changed.
     Save,
+    /// Give numbers of the scene other values.
+    Set { numbers: Vec<(String, SettingValue)> },
     /// End with this exit code.
     End { code: u8 },
 }
@@ -69,6 +72,7 @@ drapery_core::codec! { enum Command {
     12 => Save,
     13 => End { code },
     14 => Checksums,
+    15 => Set { numbers },
 } }
 
 /// Name of the message that a command is.
@@ -204,6 +208,12 @@ impl RemoteSimulation {
         state(&self.ranks, &self.simulation)
     }
 
+    /// Gives numbers of the scene other values from the next step on.
+    pub(super) fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), Problem> {
+        announce(&self.ranks, Command::Set { numbers: numbers.to_vec() });
+        self.simulation.set(numbers)
+    }
+
     /// Everything that time has changed.
     pub(super) fn save(&self, sink: &mut dyn SnapshotSink) {
         announce(&self.ranks, Command::Save);
@@ -304,6 +314,7 @@ impl Worker {
             Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
             Command::State => drop(state(ranks, self.started())),
             Command::Save => self.started().save(None),
+            Command::Set { numbers } => drop(self.started().set(&numbers)),
             // Not the simulation's business.
             Command::Threads { .. } | Command::End { .. } => {}
         }

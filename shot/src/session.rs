@@ -10,6 +10,7 @@ use drapery_core::Vec3;
 use drapery_core::error::{Problem, Problems};
 use drapery_core::scene::gather::VertexField;
 use drapery_core::scene::{BodyShape, Scene, is_possible};
+use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, FrameSummary, RestoreError, Sample};
 use drapery_core::snapshot::{Snapshot, SnapshotSource};
 
@@ -146,6 +147,33 @@ impl Session {
         Ok(())
     }
 
+    /// Gives a number of the scene another value from the next frame on, by its path (`garment.skirt.stretch.stiffness`,
+    /// `body.hero.friction`): one number, or the three of a vector, in SI units. States do not hold it.
+    ///
+    /// # Errors
+    /// The scene has no such number, the value does not fit it, or a curve of the scene changes it. A frame was cancelled on the
+    /// way and is not finished.
+    pub fn set_number(&mut self, path: &str, value: &[f64]) -> Result<(), ShotError> {
+        let refuse = |problem: Problem| ShotError::Problems(Problems(vec![problem]));
+        let value = match *value {
+            [number] => SettingValue::Number(number),
+            [x, y, z] => SettingValue::Vector([x, y, z]),
+            _ => {
+                let what = format!("{} numbers are given", value.len());
+                return Err(refuse(Problem::data(path, what, "give one number, or the three of a vector")));
+            }
+        };
+        if self.sub_step > 0 {
+            let advice = "advance to it first, or go back to a state at a frame";
+            let what = "the next frame has already begun with the old number";
+            return Err(refuse(Problem::data(path, what, advice)));
+        }
+        let mut shot = self.shot.take().ok_or_else(gone)?;
+        let set = shot.remote_simulation.set(&[(path.to_owned(), value)]);
+        self.shot = Some(shot);
+        set.map_err(refuse)
+    }
+
     /// Goes on to the next frame, or to where `cancelled` says so: it is asked at every state free of collisions, from any
     /// thread. Called again after that, it goes on from there with the bits of a frame that was never cancelled.
     ///
@@ -242,7 +270,7 @@ impl Session {
     /// # Errors
     /// The state belongs to another session.
     pub fn restore(&mut self, state: &SavedState) -> Result<(), ShotError> {
-        if !Arc::ptr_eq(&state.scene, &self.shot()?.simulation().shared_scene()) {
+        if !state.scene.is_form_of(self.shot()?.simulation().scene()) {
             let text =
                 "this state belongs to another simulation\n  help: states of one simulation go to another by files";
             return Err(ShotError::Resume(text.to_owned()));

@@ -2,6 +2,7 @@
 
 mod amplification_picture;
 mod bending;
+mod curves;
 mod determinism;
 mod drag;
 mod fit;

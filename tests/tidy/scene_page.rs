@@ -46,6 +46,22 @@ Positions, velocities and times are in metres, metres per second and seconds wit
 A value of the kind \"number or text\" is a number, or a text with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
 ends included. A number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Paths of
 files are relative to the folder of the scene file.
+
+## Numbers over time
+
+A number of an effect, of a body or of a `[[contact]]` may be a curve: `[[frame, value], …]`, with frames that increase. Values are
+numbers, texts with a unit, or lists of three where the key takes three. The value is straight between keys, and constant before
+the first and after the last. In the steps that lead to a frame it is the value of that frame.
+
+```toml
+[gravity]
+acceleration = [[1001, [0, -9.81, 0]], [1024, [0, -1.6, 0]]]
+
+[garment.stretch]
+stiffness = [[1001, \"400 N/m\"], [1048, \"40 N/m\"]]
+```
+
+`plan` lists the curves. Checkpoints hold none of them, because they follow from the scene.
 ";
 
 const BODIES: &str = "
@@ -98,7 +114,11 @@ fn alternatives<'a>(root: &'a Value, schema: &'a Value) -> Vec<&'a Value> {
     let schema = resolved(root, schema);
     let choices = schema["anyOf"].as_array().or(schema["oneOf"].as_array());
     match choices {
-        Some(choices) => choices.iter().flat_map(|c| alternatives(root, c)).filter(|c| c["type"] != "null").collect(),
+        Some(choices) => {
+            let shown = choices.iter().flat_map(|c| alternatives(root, c));
+            // The head of the page says where curves may stand.
+            shown.filter(|c| c["type"] != "null" && c["title"] != "curve").collect()
+        }
         None => vec![schema],
     }
 }

@@ -2,7 +2,9 @@
 
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::BodyDescription;
+use drapery_core::scene::number_curves::NumberCurve;
+use drapery_core::scene::{BodyDescription, SceneDescription};
+use drapery_core::settings::SettingValue;
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::shot_description::BodyThickness;
@@ -64,6 +66,7 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &scene_text(shot);
     text += &effects::text(shot.simulation(), costs);
     text += &contacts::text(shot.simulation().scene().description());
+    text += &curves_text(shot.simulation().scene().description());
     let (state, effects) = bytes(shot);
     text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
@@ -197,10 +200,35 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "faces": if shot.output().triangles { "triangles" } else { "original" },
         "body_thickness": bodies_json(shot),
         "contacts": contacts::as_json(shot.simulation().scene().description()),
+        "curves": curves_json(shot.simulation().scene().description()),
         "origin": <[f64; 3]>::from(shot.origin()),
         "referred_files": shot.referred_files().iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
         "warnings": crate::plan::warnings_json(shot),
         "resolved": shot.resolved(),
     });
     with(effects::as_json(shot.simulation(), costs), rest)
+}
+
+/// Numbers that change over time; nothing without any.
+fn curves_text(scene: &SceneDescription) -> String {
+    if scene.curves.is_empty() {
+        return String::new();
+    }
+    let key = |(frame, value): &(f64, SettingValue)| format!("{} at {frame}", effects::value_text(value));
+    let mut text = String::from("\nnumbers over time, by frame\n");
+    for (path, keys) in &scene.curves {
+        text += &format!("  {path}: {}\n", keys.iter().map(key).collect::<Vec<_>>().join(", "));
+    }
+    text
+}
+
+/// The same for programs.
+fn curves_json(scene: &SceneDescription) -> Value {
+    let key = |(frame, value): &(f64, SettingValue)| match value {
+        SettingValue::Vector(vector) => json!([frame, vector]),
+        SettingValue::Number(number) => json!([frame, number]),
+        other => json!([frame, effects::value_text(other)]),
+    };
+    let curve = |(path, keys): (&String, &NumberCurve)| (path.clone(), keys.iter().map(key).collect());
+    Value::Object(scene.curves.iter().map(curve).collect())
 }

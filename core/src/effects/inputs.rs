@@ -35,7 +35,7 @@ pub static INPUTS: [EffectInput; 5] = [
             if !scene.pins.iter().any(|pin| follows(&pin.target)) {
                 scene.bodies.clear();
             }
-            scene.contacts.retain(|rule| rule.body().is_none());
+            scene.retain_contacts(|rule| rule.body().is_none());
         },
     },
     EffectInput {

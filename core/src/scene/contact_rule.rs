@@ -63,6 +63,25 @@ impl SceneDescription {
         self.contacts.iter().any(|rule| rule.ignore && rule.ordered() == wanted)
     }
 
+    /// Drops the rules for which `keep` does not hold; curves follow the numbers of the others.
+    pub(crate) fn retain_contacts(&mut self, mut keep: impl FnMut(&mut ContactRule) -> bool) {
+        let kept: Vec<bool> = self.contacts.iter_mut().map(&mut keep).collect();
+        let mut rules = kept.iter();
+        self.contacts.retain(|_| rules.next().copied().unwrap_or(true));
+        let place = |path: &str| {
+            let (rule, key) = path.strip_prefix("contact.")?.split_once('.')?;
+            let rule: usize = rule.parse().ok()?;
+            let left = kept.get(..rule)?.iter().filter(|kept| **kept).count();
+            Some((*kept.get(rule)?).then(|| format!("contact.{left}.{key}")))
+        };
+        let curves = std::mem::take(&mut self.curves);
+        let renamed = curves.into_iter().filter_map(|(path, curve)| match place(&path) {
+            Some(renamed) => Some((renamed?, curve)),
+            None => Some((path, curve)),
+        });
+        self.curves = renamed.collect();
+    }
+
     /// Names of the garments of each rule by which garments pass through each other.
     pub fn ignored_garments(&self) -> Vec<[String; 2]> {
         let garment = |side: ContactSide| match side {

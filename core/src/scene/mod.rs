@@ -11,6 +11,7 @@ mod garment;
 pub mod gather;
 mod integrator;
 pub mod names;
+pub mod number_curves;
 pub(crate) mod origin;
 mod pin;
 mod seam;
@@ -35,6 +36,7 @@ pub use crate::geometry::attachment::SurfaceAttachment;
 use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use number_curves::NumberCurves;
 use seam_pairs::Sewn;
 use vertex_maps::PaintedMaps;
 
@@ -68,6 +70,8 @@ pub struct SceneDescription {
     pub seams: Vec<SeamDescription>,
     /// Contact of pairs of garments and bodies that differs from what these say.
     pub contacts: Vec<ContactRule>,
+    /// Numbers that change over time.
+    pub curves: NumberCurves,
     /// Place of the grid of the wind, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
     pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
@@ -282,6 +286,7 @@ impl SceneDescription {
             pins: Vec::new(),
             seams: Vec::new(),
             contacts: Vec::new(),
+            curves: NumberCurves::new(),
             wind: None,
             effects: Vec::new(),
             left_out: Vec::new(),
@@ -312,7 +317,7 @@ pub const LARGEST_DENSITY: f64 = 1e6;
 /// let scene = Scene::validate(description).expect("a valid scene");
 /// assert_eq!((scene.meshes()[0].triangles().len(), scene.meshes()[0].edges().len()), (2, 5));
 /// ```
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// Description that the scene was made from, without the arrays of garments and pins.
     pub(crate) description: SceneDescription,
@@ -337,6 +342,8 @@ pub struct Scene {
     pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
     pub(crate) painted: Vec<PaintedMaps>,
+    /// Shared by all forms of the scene: with other numbers, and with parts on other ranks.
+    pub(crate) identity: Arc<()>,
 }
 
 /// A vertex that takes no part and goes with another.
@@ -368,6 +375,11 @@ impl Scene {
     /// The description that this scene was made from, without the arrays of garments and pins.
     pub fn description(&self) -> &SceneDescription {
         &self.description
+    }
+
+    /// Whether the other is this scene, perhaps with other numbers or with parts on other ranks.
+    pub fn is_form_of(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.identity, &other.identity)
     }
 
     /// This rank's piece of each garment, all of it if there is no other rank: the triangles with an own vertex and those that

@@ -13,10 +13,17 @@ impl SceneDescription {
     /// Names of no effect, and effects that the scene does not ask for; the description is then as it was.
     pub fn leave_out(&mut self, names: &[String]) -> Result<(), Vec<Problem>> {
         self.all_asked_for("effects.without", names)?;
+        let driven: Vec<String> =
+            self.curves.keys().filter(|path| self.number_place(path).is_some()).cloned().collect();
         let is_out = |name: &str| names.iter().any(|out| out == name);
         self.effects.retain(|request| !is_out(&request.effect));
         effects::INPUTS.iter().filter(|input| is_out(input.effect)).for_each(|input| (input.remove)(self));
         self.drop_rules_without_effect();
+        for path in driven.into_iter().filter(|path| !path.starts_with("contact.")) {
+            if self.number_place(&path).is_none() {
+                self.curves.remove(&path);
+            }
+        }
         self.left_out.extend_from_slice(names);
         Ok(())
     }

@@ -4,7 +4,7 @@
 pub(crate) mod distribute;
 mod effect_choice;
 pub(crate) mod mesh_checks;
-mod validate;
+pub(crate) mod validate;
 
 pub use mesh_checks::degenerate::simulated_triangles;
 pub use validate::unused::unused_keys;

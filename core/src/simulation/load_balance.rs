@@ -10,7 +10,6 @@ use crate::contact::bodies::{Sample, Samples};
 use crate::scene::{Pinned, Scene};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::rows::OwnTarget;
-use crate::state::State;
 
 /// Frames that are looked at together.
 const FRAMES: u32 = 4;
@@ -76,18 +75,7 @@ impl Simulation {
         let mut memory = self.saved_sections();
         memory.iter_mut().for_each(|(_, section)| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
-        let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
-        let frame = self.frame;
-        let error = |what: String| SnapshotError { section: "scene".into(), what };
-        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks, wind)
-            .map_err(|problems| error(problems.to_string()))?;
-        moved.restore_sections(frame, &memory)?;
-        (moved.sent, moved.balance) = (self.sent, self.balance.clone());
-        std::mem::swap(&mut moved.metrics, &mut self.metrics);
-        moved.observer = self.observer.take();
-        std::mem::swap(&mut moved.crossings, &mut self.crossings);
-        *self = moved;
-        Ok(())
+        self.rebuild(scene, tracks, &memory)
     }
 
     /// The rows of the tracks' samples that this rank's pins follow in `scene`.

@@ -34,6 +34,7 @@ pub(crate) mod frame_io;
 mod frame_summary;
 mod load_balance;
 mod lowered_thickness;
+mod numbers;
 mod overstretched;
 mod pins_in_bodies;
 #[cfg(test)]
@@ -506,6 +507,7 @@ impl Simulation {
         if input.frame != self.frame + 1 {
             return Err(self.input_error(input, format!("the next frame is {}, not {}", self.frame + 1, input.frame)));
         }
+        self.follow_curves(input)?;
         let timeline = self.scene.description().timeline;
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();

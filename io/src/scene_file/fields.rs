@@ -41,6 +41,9 @@ pub(super) const TABLES: [Rows; 5] = [
     Rows { path: &["contact", EACH], rest: "Contact", parts: [ContactRule::FIELDS, &[]] },
 ];
 
+/// Tables of which numbers may change over time, besides those of effects.
+pub(super) const CURVED: [&Rows; 2] = [&TABLES[1], &TABLES[4]];
+
 impl Rows {
     /// All rows.
     pub(super) fn fields(&self) -> impl Iterator<Item = &'static Field> {
@@ -206,7 +209,8 @@ pub(super) fn default(field: &Field) -> Option<toml::Value> {
     }
 }
 
-fn setting(value: &Value) -> Option<SettingValue> {
+/// The setting that a value of the tree is.
+pub(super) fn setting(value: &Value) -> Option<SettingValue> {
     match value {
         Value::Array(items) if items.iter().any(|item| matches!(item.value, Value::Array(_))) => {
             items.iter().map(|item| key(&item.value)).collect::<Option<_>>().map(SettingValue::Keys)

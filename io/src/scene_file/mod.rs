@@ -22,6 +22,7 @@
 mod bodies;
 mod check;
 mod contacts;
+mod curves;
 mod defaults;
 mod deserialize;
 mod diagnostics;
@@ -67,6 +68,7 @@ pub use resolved::names_file;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};
 
+use curves::Curve;
 use tree::{Node, Origin, Path, Sources, Table};
 
 /// Version of the format that this program reads.
@@ -86,6 +88,8 @@ pub struct SceneFile {
     path: PathBuf,
     /// Meshes that it may name beside files.
     meshes: MemoryMeshes,
+    /// Numbers that change over time.
+    curves: Vec<Curve>,
 }
 
 /// Reads a scene file. `overrides` are the `--set` arguments: the name of a parameter or a dotted key, and its value.
@@ -145,6 +149,7 @@ pub fn parse_with(
     presets::fill_shot_name(&mut root, &stem);
     let (fabrics, material_files) = presets::fill(&mut root, &mut sources, &search.materials)?;
     search.maps.apply_to_files(&mut root);
+    let curves = curves::take(&mut root, &sources)?;
     effects::check_and_fill(&mut root, &sources)?;
     let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
     let own = fields::without(root.clone(), of_effects);
@@ -164,7 +169,7 @@ pub fn parse_with(
     root.fill_from(&defaults);
     let (folder, path) = (folder.to_owned(), PathBuf::new());
     let meshes = MemoryMeshes::default();
-    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path, meshes })
+    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path, meshes, curves })
 }
 
 /// Keys that may stand at a path beside those that serde knows.

@@ -23,7 +23,7 @@ use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::{Memory, NoRoom};
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::{Path, Segment};
-use super::{SceneFile, effects, fields, file_names, ranges, resolved, thickness};
+use super::{SceneFile, curves, effects, fields, file_names, ranges, resolved, thickness};
 
 /// Data of a garment that pins need.
 pub(super) struct ReadGarment<'a> {
@@ -120,7 +120,10 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if !scene.path.as_os_str().is_empty() {
         resolver.input_files.insert(0, scene.path.clone());
     }
-    let resolved = resolved::write(scene, &thickness::root(scene, &resolver.description, &body_thickness));
+    let resolved = resolved::write(
+        scene,
+        &curves::put_back(thickness::root(scene, &resolver.description, &body_thickness), &scene.curves),
+    );
     let unnamed = file_names::not_utf8(&named_files);
     Ok(ShotDescription {
         name: document.shot.name.clone(),
@@ -355,7 +358,21 @@ impl Resolver<'_> {
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
+        self.curves();
         self.choose_effects();
+    }
+
+    /// Hands the curves to the description. One that ends before the shot starts would never change its number.
+    fn curves(&mut self) {
+        let start = self.description.timeline.start;
+        for curves::Curve { path, number, keys, .. } in &self.scene.curves {
+            if let Some((last, _)) = keys.last().filter(|(last, _)| *last < start as f64) {
+                let what =
+                    format!("this curve ends at frame {last}, before the first frame that is simulated, {start}");
+                self.error_with(path, what, "write keys within the shot, or one number".to_owned());
+            }
+            self.description.curves.insert(number.clone(), keys.clone());
+        }
     }
 
     /// Does without what `[effects]` leaves out.

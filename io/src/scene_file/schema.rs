@@ -5,10 +5,14 @@ use drapery_core::geometry::shapes::{Shape, ShapeSpec};
 use drapery_core::settings::{Default, Dimension, Field, Word};
 use serde_json::{Map, Value, json};
 
+use super::curves;
 use super::effects::with_table;
 use super::fields::{self, SHAPE, TABLES};
 use super::raw::Document;
 use crate::materials;
+
+/// Name of the form of a curve.
+const CURVE: &str = "curve";
 
 /// The JSON schema of a scene file, as text.
 ///
@@ -29,8 +33,15 @@ pub fn schema() -> String {
     }
     for rows in &TABLES {
         if let Some(table) = schema.pointer_mut(&format!("/$defs/{}", rows.rest)) {
-            insert_fields(table, rows.fields());
+            let is_curved = fields::CURVED.iter().any(|curved| curved.path == rows.path);
+            insert_fields(table, rows.fields(), is_curved);
         }
+    }
+    if let Some(definitions) = schema.get_mut("$defs").and_then(Value::as_object_mut) {
+        let key = json!({ "type": "array", "minItems": 2, "maxItems": 2 });
+        let description = "A number over time: [[frame, value], …].";
+        let curve = json!({ "title": CURVE, "description": description, "type": "array", "items": key });
+        definitions.insert(CURVE.to_owned(), curve);
     }
     if let Some(body) = schema.pointer_mut("/$defs/Body/properties") {
         body[SHAPE] = shape();
@@ -58,22 +69,33 @@ fn insert_effects(properties: &mut Map<String, Value>, scope: Scope) {
 
 fn effect(spec: &EffectSpec) -> Value {
     let description = format!("Effect: {}. It runs only if this table is present.", spec.summary);
-    let mut table = table(spec.fields);
+    let mut table = table(spec.fields, true);
     table["description"] = json!(description);
     table
 }
 
-/// A table of which every key has a row.
-fn table(fields: &'static [Field]) -> Value {
+/// A table of which every key has a row; its numbers may be curves.
+fn table(fields: &'static [Field], is_curved: bool) -> Value {
     let mut table = json!({ "type": "object", "required": [], "additionalProperties": false });
-    insert_fields(&mut table, fields.iter());
+    insert_fields(&mut table, fields.iter(), is_curved);
     table
 }
 
+/// The form of a key of which the number may be a curve.
+fn or_curve(mut form: Value) -> Value {
+    let mut both = Map::new();
+    for key in ["description", "default"] {
+        both.extend(form.as_object_mut().and_then(|form| form.remove(key)).map(|value| (key.to_owned(), value)));
+    }
+    both.insert("anyOf".to_owned(), json!([form, { "$ref": format!("#/$defs/{CURVE}") }]));
+    Value::Object(both)
+}
+
 /// Adds keys that have rows to a table.
-fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>) {
+fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>, is_curved: bool) {
     for row in fields {
-        table["properties"][row.name] = field(row);
+        let form = field(row);
+        table["properties"][row.name] = if is_curved && curves::may_change(row) { or_curve(form) } else { form };
         if row.default.is_required()
             && let Some(required) = table["required"].as_array_mut()
         {
@@ -86,7 +108,7 @@ fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>
 fn shape() -> Value {
     let form = |spec: &ShapeSpec| {
         json!({
-            "description": sentence(spec.summary), "type": "object", "properties": { spec.name: table(spec.fields) },
+            "description": sentence(spec.summary), "type": "object", "properties": { spec.name: table(spec.fields, false) },
             "required": [spec.name], "additionalProperties": false,
         })
     };

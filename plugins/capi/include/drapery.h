@@ -416,6 +416,22 @@ int32_t drapery_simulation_move_body(struct drapery_simulation *simulation,
                                      struct drapery_error **error);
 
 /*
+ Gives a number of the scene another value from the next frame on, by its path, as in `garment.skirt.stretch.stiffness`,
+ `body.hero.friction` or `gravity.acceleration`: one number, or the three of a vector, in SI units. States do not hold it.
+
+ Errors: the scene has no such number, the value does not fit it, or a curve of the scene changes it; a frame was cancelled on
+ the way and is not finished.
+
+ What the caller promises:
+ The path ends with a zero, the array is as long as it says; `error` is the address of a pointer or null.
+ */
+int32_t drapery_simulation_set(struct drapery_simulation *simulation,
+                               const char *path,
+                               const double *value,
+                               size_t count,
+                               struct drapery_error **error);
+
+/*
  Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
  DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes, and the result equals that of a frame that
  was never cancelled, bit for bit.

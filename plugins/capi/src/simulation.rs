@@ -6,7 +6,7 @@ use std::sync::Arc;
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::session::{Progress, Session};
 
-use crate::arguments::{give, place, points};
+use crate::arguments::{array, give, place, points, text};
 use crate::errors::{drapery_error, guarded};
 use crate::handles::{self, Object, freed};
 use crate::objects::Simulation;
@@ -183,6 +183,32 @@ pub unsafe extern "C" fn drapery_simulation_move_body(
         let positions = unsafe { points(positions, point_count, "positions") }?;
         handles::with(simulation, |s: &mut Simulation| {
             s.session.move_body(body, &positions)?;
+            Ok(DRAPERY_DONE)
+        })
+    })
+}
+
+/// Gives a number of the scene another value from the next frame on, by its path, as in `garment.skirt.stretch.stiffness`,
+/// `body.hero.friction` or `gravity.acceleration`: one number, or the three of a vector, in SI units. States do not hold it.
+///
+/// Errors: the scene has no such number, the value does not fit it, or a curve of the scene changes it; a frame was cancelled on
+/// the way and is not finished.
+///
+/// # Safety
+/// The path ends with a zero, the array is as long as it says; `error` is the address of a pointer or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn drapery_simulation_set(
+    simulation: *mut drapery_simulation,
+    path: *const c_char,
+    value: *const f64,
+    count: usize,
+    error: *mut *mut drapery_error,
+) -> i32 {
+    guarded(error, || {
+        // SAFETY: the caller promises it.
+        let (path, value) = unsafe { (text(path, "path")?, array(value, count, "value")?) };
+        handles::with(simulation, |s: &mut Simulation| {
+            s.session.set_number(path, value)?;
             Ok(DRAPERY_DONE)
         })
     })

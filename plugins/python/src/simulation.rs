@@ -124,6 +124,10 @@ impl Simulation {
         self.session()?.move_body(body, &positions).map_err(raised)
     }
 
+    fn set(&self, path: &str, value: Vec<f64>) -> PyResult<()> {
+        self.session()?.set_number(path, &value).map_err(raised)
+    }
+
     /// Simulates up to the next frame.
     fn advance(&self, py: Python<'_>) -> PyResult<()> {
         let mut session = self.session()?;

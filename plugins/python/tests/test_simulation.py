@@ -57,6 +57,26 @@ def test_states_come_back_with_the_same_bits(tmp_path: Path) -> None:
         other.restore(state)
 
 
+def test_numbers_that_are_set_hold_from_the_next_frame_on() -> None:
+    fallen = []
+    for gravity in ([0, -9.81, 0], np.array([0.0, -1.6, 0.0])):
+        simulation = scene().simulate()
+        advance(simulation, 1001)
+        state = simulation.save()
+        simulation.set("gravity.acceleration", gravity)
+        before = simulation.positions()[:, 1].copy()
+        advance(simulation, 1003)
+        fallen.append((before - simulation.positions()[:, 1]).max())
+        simulation.restore(state)
+        advance(simulation, 1003)
+        assert (before - simulation.positions()[:, 1]).max() == fallen[-1], "numbers that are set stay"
+    assert fallen[0] > fallen[1]
+    with pytest.raises(drapery.SceneError, match="the scene has no number `gravity.acelerate`"):
+        simulation.set("gravity.acelerate", 1.0)
+    with pytest.raises(drapery.SceneError, match="three numbers"):
+        simulation.set("gravity.acceleration", 1.0)
+
+
 def test_arrays_are_of_their_frame_are_not_copied_and_cannot_be_written_to() -> None:
     simulation = scene().simulate()
     before = simulation.positions()

@@ -125,7 +125,8 @@ fn friction(effect: &PlannedEffect, scene: &SceneDescription) -> String {
     }
 }
 
-fn value_text(value: &SettingValue) -> String {
+/// A value of a setting as text, in its SI unit.
+pub(super) fn value_text(value: &SettingValue) -> String {
     match value {
         SettingValue::Number(number) => number.to_string(),
         SettingValue::Text(text) => text.clone(),

@@ -164,6 +164,13 @@ impl Bodies {
         matches!(self.list[body], Kind::Surface(_))
     }
 
+    /// Takes the numbers of contact from the bodies of a scene, which are the same bodies.
+    pub(crate) fn take_properties(&mut self, scene: &Scene) {
+        let gap = tolerances::CONTACT_GAP * scene.mean_edge();
+        let of_body = |body: &BodyDescription| BodyContactProperties::of(body, gap);
+        self.properties = scene.description().bodies.iter().map(of_body).collect();
+    }
+
     /// Contact of garments without rules with each body.
     pub(crate) fn properties(&self) -> &[BodyContactProperties] {
         &self.properties

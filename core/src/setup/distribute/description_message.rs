@@ -49,7 +49,7 @@ codec!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffnes
 codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body) });
 codec!(struct ContactRule { between, ignore, friction, thickness });
 codec!(struct WindGridShape { origin, spacing, counts });
-codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, contacts, wind, effects, left_out });
+codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, contacts, curves, wind, effects, left_out });
 codec!(struct Pinned { number, pin, row, vertex, attachment });
 codec!(struct MergedVertex { vertex, leader, offset });
 codec!(struct Sewn { number, seam, ends, gap });
@@ -115,6 +115,7 @@ mod tests {
         description.pins[0].hold = PinHold::Spring { stiffness: 3.0, damping_ratio: 1.0, break_force: Some(2.0) };
         let rule = ContactRule::new([ContactSide::Garment(0), ContactSide::Body(3)]);
         description.contacts.push(ContactRule { friction: Some(0.2), ..rule });
+        description.curves.insert("gravity.acceleration".into(), vec![(1.0, SettingValue::Vector([0.0, 1.0, 0.0]))]);
         let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
         description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
         let bytes = description.to_bytes();

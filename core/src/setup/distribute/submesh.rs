@@ -6,6 +6,7 @@
 //! (`Need::SecondRing`), the triangles beyond their edges belong to it too.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -202,6 +203,7 @@ pub(crate) fn assemble(
     let painted = painted.collect();
     let meshes = pieces.into_iter().map(SubMesh::mesh).collect();
     Scene {
+        identity: Arc::default(),
         description,
         meshes,
         parts,
@@ -262,7 +264,12 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Scene {
     sewn.dedup_by_key(|pair| pair.number);
     let held = Held { pinned, pin_targets: scene.pin_targets, sewn, merged_vertices: scene.merged_vertices.clone() };
     let assigned = AssignedPartition { partition, assignment };
-    Scene { warnings: scene.warnings.clone(), ..assemble(ranks, scene.description.clone(), assigned, pieces, held) }
+    let identity = Arc::clone(&scene.identity);
+    Scene {
+        warnings: scene.warnings.clone(),
+        identity,
+        ..assemble(ranks, scene.description.clone(), assigned, pieces, held)
+    }
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.

@@ -80,7 +80,7 @@ impl SceneDescription {
     pub(crate) fn drop_rules_without_effect(&mut self) {
         let has = |effect: &str| self.effects.iter().any(|request| request.effect == effect);
         let (repels, collides) = (has(self_repulsion::SPEC.name), has(self_collision::SPEC.name));
-        self.contacts.retain_mut(|rule| {
+        self.retain_contacts(|rule| {
             if rule.body().is_some() {
                 return true;
             }

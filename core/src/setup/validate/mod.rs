@@ -2,6 +2,7 @@
 //! (`crate::setup::mesh_checks::degenerate`), and nothing is repaired.
 
 mod contacts;
+mod curves;
 mod maps_and_seams;
 pub(super) mod unused;
 
@@ -29,6 +30,8 @@ use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh;
 use contacts::check_contacts;
+use curves::check_curves;
+pub(crate) use curves::check_number;
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
 use unused::check_unused;
 
@@ -48,6 +51,7 @@ impl Scene {
     pub fn distribute(ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
         let description = description.filter(|_| ranks.is_first());
         let mut problems = description.as_ref().map_or_else(Vec::new, check_description);
+        let description = description.map(SceneDescription::with_numbers_at_start);
         let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
         let mut scene = handed.finish(ranks).derive();
@@ -88,6 +92,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
     check_pins(description, &mut problems);
     check_seams(description, &mut problems);
     check_contacts(description, &mut problems);
+    check_curves(description, &mut problems);
     check_effects(description, &mut problems);
     check_unused(description, &mut problems);
     problems

@@ -152,6 +152,13 @@ int main(int count, char **arguments)
     drapery_error_free(error);
     refused(drapery_simulation_move_body(simulation, 1, &points[0][0], 5, &error), DRAPERY_USAGE, "body 1");
 
+    /* Numbers of the scene. */
+    double gravity[3] = {0, -9.81, 0};
+    refused(drapery_simulation_set(simulation, "gravity.acelerate", gravity, 3, &error), DRAPERY_SCENE, "has no number");
+    refused(drapery_simulation_set(simulation, "gravity.acceleration", gravity, 1, &error), DRAPERY_SCENE, "three numbers");
+    refused(drapery_simulation_set(simulation, "gravity.acceleration", gravity, 2, &error), DRAPERY_BAD_INPUT, "2 numbers");
+    done(drapery_simulation_set(simulation, "gravity.acceleration", gravity, 3, &error));
+
     /* Frames, with a cancelled one and states to go back to. */
     drapery_state *state = NULL, *within = NULL;
     int asked = 0;

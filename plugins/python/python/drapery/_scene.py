@@ -452,6 +452,14 @@ class Simulation:
         """
         self._native.move_body(body, vectors(positions, "positions"))
 
+    def set(self, path: str, value: float | Sequence[float]) -> None:
+        """Gives a number of the scene another value from the next frame on: ``"garment.skirt.stretch.stiffness"``,
+        ``"body.hero.friction"``, ``"gravity.acceleration"``, in SI units.
+
+        Raises SceneError with the path; nothing has changed then. States do not hold the value.
+        """
+        self._native.set(path, [float(value)] if isinstance(value, int | float) else [float(number) for number in value])
+
     def positions(self, garment: str | None = None) -> Vectors:
         """Positions of a garment, of the first one if none is named: (points, 3) [m], in the order of its mesh.
 

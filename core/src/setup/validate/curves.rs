@@ -1,0 +1,112 @@
+//! Checks of numbers that change over time.
+
+use crate::effects;
+use crate::error::Problem;
+use crate::scene::number_curves::{NumberCurve, NumberPlace};
+use crate::scene::{BodyDescription, ContactRule, Described, SceneDescription};
+use crate::settings::{Field, SettingValue};
+
+/// Paths, keys and values of the curves of a scene.
+pub(crate) fn check_curves(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (path, curve) in &description.curves {
+        if let Err((what, advice)) = check_curve(description, path, curve) {
+            problems.push(Problem::scene(format!("curve of {path}"), what, advice));
+        }
+    }
+}
+
+fn check_curve(description: &SceneDescription, path: &str, curve: &NumberCurve) -> Result<(), (String, String)> {
+    check_keys(curve)?;
+    for (frame, value) in curve {
+        check_number(description, path, value)
+            .map_err(|what| (format!("at frame {frame}: {what}"), "correct this key".to_owned()))?;
+    }
+    Ok(())
+}
+
+/// Frames that are no numbers or do not increase.
+fn check_keys(curve: &NumberCurve) -> Result<(), (String, String)> {
+    let advice = || "write [[frame, value], …] with frames that increase".to_owned();
+    if curve.is_empty() {
+        return Err(("it has no keys".into(), advice()));
+    }
+    if let Some((frame, _)) = curve.iter().find(|(frame, _)| !frame.is_finite()) {
+        return Err((format!("{frame} is no frame"), advice()));
+    }
+    match curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+        Some(pair) => Err((format!("frame {} comes after frame {}", pair[1].0, pair[0].0), advice())),
+        None => Ok(()),
+    }
+}
+
+/// Checks a value of the number at a path.
+///
+/// # Errors
+/// The scene has no such number, or the value does not fit it.
+pub(crate) fn check_number(description: &SceneDescription, path: &str, value: &SettingValue) -> Result<(), String> {
+    let unknown = || format!("the scene has no number `{path}`");
+    let place = description.number_place(path).ok_or_else(unknown)?;
+    let (fields, key): (&[Field], &str) = match &place {
+        NumberPlace::Effect(effect, key) => {
+            let spec = effects::find(&description.effects[*effect].effect).ok_or_else(unknown)?;
+            (spec.fields, key)
+        }
+        NumberPlace::Body(_, key) => (BodyDescription::FIELDS, key),
+        NumberPlace::Contact(_, key) => (ContactRule::FIELDS, key),
+    };
+    let field = fields.iter().find(|field| field.name == key).ok_or_else(unknown)?;
+    match value {
+        SettingValue::Number(_) | SettingValue::Vector(_) => field.check(value).map(drop),
+        _ => Err(field.expected()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vec3;
+    use crate::geometry::shapes::Shape;
+    use crate::mesh::PolygonMesh;
+    use crate::scene::{BodyShape, EffectRequest, GarmentDescription, RigidMotion};
+
+    #[test]
+    fn curves_of_nothing_out_of_order_or_out_of_range_are_named() {
+        let mut description = SceneDescription::new("curves");
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
+        description.garments.push(GarmentDescription::new("a.b", mesh, 0.2));
+        let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.1 });
+        description.bodies.push(BodyDescription::new("hero", ball, RigidMotion::at(Vec3::zeros())));
+        description.effects.push(EffectRequest::of_scene("gravity"));
+        description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+        let number = SettingValue::Number;
+        let fall = SettingValue::Vector([0.0, -9.81, 0.0]);
+        for (path, curve, expected) in [
+            ("gravity.acceleration", vec![(0.0, fall.clone()), (5.0, SettingValue::Vector([0.0; 3]))], None),
+            ("garment.a.b.stretch.stiffness", vec![(1.0, number(10.0)), (3.0, number(20.0))], None),
+            ("body.hero.friction", vec![(1.0, number(0.0))], None),
+            ("body.hero.frictoin", vec![(1.0, number(0.0))], Some("has no number `body.hero.frictoin`")),
+            ("garment.c.stretch.stiffness", vec![(1.0, number(10.0))], Some("has no number")),
+            ("contact.0.friction", vec![(1.0, number(10.0))], Some("has no number")),
+            (
+                "garment.a.b.stretch.stiffness",
+                vec![(3.0, number(1.0)), (3.0, number(2.0))],
+                Some("frame 3 comes after frame 3"),
+            ),
+            ("garment.a.b.stretch.stiffness", vec![(f64::NAN, number(1.0))], Some("NaN is no frame")),
+            ("garment.a.b.stretch.stiffness", vec![(3.0, number(f64::NAN))], Some("at frame 3")),
+            ("garment.a.b.stretch.stiffness", vec![(3.0, number(-1.0))], Some("at frame 3")),
+            ("gravity.acceleration", vec![(0.0, number(1.0))], Some("three numbers")),
+            ("body.hero.friction", vec![(0.0, fall)], Some("a number")),
+            ("gravity.acceleration", Vec::new(), Some("it has no keys")),
+        ] {
+            description.curves = [(path.to_owned(), curve)].into();
+            let mut problems = Vec::new();
+            check_curves(&description, &mut problems);
+            let found = problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+            match expected {
+                Some(expected) => assert!(found.contains(expected) && found.contains(path), "{path}: {found}"),
+                None => assert!(found.is_empty(), "{path}: {found}"),
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Numbers of the scene that change between frames: effects, bodies and contact are built anew with them, around the same state.
+
+use std::sync::Arc;
+
+use super::checkpoint::Room;
+use super::{FrameInput, Simulation};
+use crate::contact::bodies::Samples;
+use crate::error::{Problem, StepError};
+use crate::scene::Scene;
+use crate::settings::SettingValue;
+use crate::setup::validate::check_number;
+use crate::snapshot::SnapshotError;
+use crate::snapshot::saved_section::SavedSection;
+use crate::state::State;
+
+impl Simulation {
+    /// Gives numbers of the scene other values from the next step on, by their paths (`garment.skirt.stretch.stiffness`,
+    /// `body.hero.friction`), in SI units. Between frames; all ranks call it together with the same numbers. A snapshot does not
+    /// hold them.
+    ///
+    /// # Errors
+    /// The scene has no such number, the value does not fit it, or a curve of the scene changes it; nothing has changed then.
+    pub fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), Problem> {
+        let description = self.scene.description();
+        for (path, value) in numbers {
+            let problem = |what: String, advice: &str| Problem::scene(path.clone(), what, advice);
+            check_number(description, path, value)
+                .map_err(|what| problem(what, "name a number of an effect, of a body or of a contact"))?;
+            if description.curves.contains_key(path) {
+                return Err(problem("a curve of the scene changes this number".into(), "remove the curve"));
+            }
+        }
+        self.change_numbers(numbers).map_err(|what| Problem::scene("numbers", what, "set other values"))
+    }
+
+    /// Gives the numbers that have curves their values at the frame of `input`. All ranks call it together.
+    pub(super) fn follow_curves(&mut self, input: &FrameInput) -> Result<(), StepError> {
+        if self.scene.description().curves.is_empty() {
+            return Ok(());
+        }
+        let numbers = self.scene.description().numbers_at(input.frame);
+        let failed = |what: String| StepError::Input { frame: input.frame, what };
+        self.change_numbers(&numbers).map_err(failed)
+    }
+
+    /// Builds everything anew if these numbers differ from the present ones.
+    fn change_numbers(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), String> {
+        let mut description = self.scene.description().clone();
+        let mut changes = false;
+        for (path, value) in numbers {
+            changes |= description.set_number(path, value)?;
+        }
+        if !changes {
+            return Ok(());
+        }
+        let scene = Arc::new(Scene { description, ..(*self.scene).clone() });
+        let memory = self.saved_sections();
+        let tracks = std::mem::take(&mut self.prescribed.tracks);
+        self.rebuild(scene, tracks, &memory).map_err(|error| error.what)
+    }
+
+    /// Builds effects, bodies and contact of another form of the scene around the state in `memory`.
+    ///
+    /// # Errors
+    /// The effects cannot be built.
+    pub(super) fn rebuild(
+        &mut self,
+        scene: Arc<Scene>,
+        tracks: Vec<Samples>,
+        memory: &[(&'static Room, SavedSection)],
+    ) -> Result<(), SnapshotError> {
+        let mut bodies = std::mem::take(&mut self.prescribed.bodies);
+        bodies.take_properties(&scene);
+        let wind = std::mem::take(&mut self.dynamics.wind);
+        let error = |what: String| SnapshotError { section: "scene".into(), what };
+        let mut built = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks, wind)
+            .map_err(|problems| error(problems.to_string()))?;
+        built.restore_sections(self.frame, memory)?;
+        (built.sent, built.balance) = (self.sent, self.balance.clone());
+        std::mem::swap(&mut built.metrics, &mut self.metrics);
+        built.observer = self.observer.take();
+        std::mem::swap(&mut built.crossings, &mut self.crossings);
+        std::mem::swap(&mut built.warnings, &mut self.warnings);
+        std::mem::swap(&mut built.start_crossings, &mut self.start_crossings);
+        std::mem::swap(&mut built.start_lengths, &mut self.start_lengths);
+        *self = built;
+        Ok(())
+    }
+}
