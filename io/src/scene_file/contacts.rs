@@ -7,12 +7,20 @@ use super::raw::Contact;
 use super::resolve::Resolver;
 use super::tree::Path;
 
-/// Kinds of objects, as a name may say them, and the sides that they make.
-const KINDS: [(&str, fn(usize) -> ContactSide); 2] = [("garment", ContactSide::Garment), ("body", ContactSide::Body)];
+/// Kinds of objects, as a name may say them.
+const KINDS: [&str; 2] = ["garment", "body"];
 
 impl Resolver<'_> {
+    /// Resolves all rules.
+    pub(super) fn contacts(&mut self) {
+        let scene = self.scene;
+        for (index, contact) in scene.document.contact.iter().enumerate() {
+            self.contact(contact, &Path::default().key("contact").index(index));
+        }
+    }
+
     /// Resolves one rule. Problems are recorded, and the rule is then left out.
-    pub(super) fn contact(&mut self, contact: &Contact, path: &Path) {
+    fn contact(&mut self, contact: &Contact, path: &Path) {
         let path_of = |side: usize| path.clone().key("between").index(side);
         let [a, b] = [0, 1].map(|side| self.contact_side(&contact.between[side], &path_of(side)));
         let (Some(a), Some(b)) = (a, b) else { return };
@@ -41,7 +49,7 @@ impl Resolver<'_> {
             }
             [Some(_), None] => Some((0, name)),
             [None, Some(_)] => Some((1, name)),
-            [None, None] => KINDS.iter().enumerate().find_map(|(kind, (word, _))| {
+            [None, None] => KINDS.iter().enumerate().find_map(|(kind, word)| {
                 let name = name.strip_prefix(word)?.strip_prefix('.')?;
                 find(kind, name).map(|_| (kind, name))
             }),
@@ -53,10 +61,10 @@ impl Resolver<'_> {
             return None;
         };
         // One that could not be read has been reported already.
-        let read = match kind {
-            0 => self.description.garments.iter().position(|garment| garment.name == name),
-            _ => self.description.bodies.iter().position(|body| body.name == name),
-        };
-        read.map(KINDS[kind].1)
+        let (garments, bodies) = (&self.description.garments, &self.description.bodies);
+        match kind {
+            0 => garments.iter().position(|garment| garment.name == name).map(ContactSide::Garment),
+            _ => bodies.iter().position(|body| body.name == name).map(ContactSide::Body),
+        }
     }
 }

@@ -165,7 +165,6 @@ mod tests {
         assert_eq!(shot.scene.bodies[0].friction, 0.5, "the value of the first key");
         let again = resolved(&shot.resolved).unwrap_or_else(|text| panic!("{text}\n{}", shot.resolved));
         assert_eq!(again.scene.curves, shot.scene.curves);
-        assert_eq!(again.resolved, shot.resolved);
     }
 
     #[test]

@@ -104,9 +104,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     for (index, seam) in document.seam.iter().enumerate() {
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
-    for (index, contact) in document.contact.iter().enumerate() {
-        resolver.contact(contact, &Path::default().key("contact").index(index));
-    }
+    resolver.contacts();
     resolver.effects();
     resolver.formats();
     resolver.shutter();

@@ -30,7 +30,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
 fn finding(body: &BodyDescription, fabrics: &[&Fabric]) -> Option<Finding> {
     let mut others: Vec<&Fabric> = Vec::new();
     for fabric in fabrics.iter().filter(|fabric| (fabric.friction - body.friction).abs() > SAME) {
-        if !others.contains(&fabric) {
+        if !others.contains(fabric) {
             others.push(fabric);
         }
     }
