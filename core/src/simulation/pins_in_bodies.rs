@@ -5,6 +5,7 @@ use super::{FrameInput, Simulation};
 use crate::contact::bodies::Bodies;
 use crate::error::Problems;
 use crate::pins::HardPins;
+use crate::scene::ContactSide;
 
 /// The deepest of the pinned vertices that are inside a body at a frame and were outside of it at the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,7 +46,10 @@ impl Simulation {
             };
             let start = &self.cloth.state.x[vertex];
             let was_outside = |body: usize| depth_inside(&self.scene, &self.prescribed.bodies, body, start).is_none();
+            let garment = ContactSide::Garment(self.scene.parts().garment_of(vertex));
+            let ignores = |body: usize| self.scene.description().ignores(garment, ContactSide::Body(body));
             let entered = (0..bodies.count())
+                .filter(|body| !ignores(*body))
                 .filter_map(|body| Some((depth_inside(&self.scene, &bodies, body, &x)?, body)))
                 .filter(|(_, body)| !bodies.may_cross_itself(*body, &x, 0.0) && was_outside(*body));
             let Some((depth, body)) = entered.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };

@@ -5,7 +5,7 @@ use crate::contact::bodies::{Bodies, Samples};
 use crate::error::{Problem, Problems};
 use crate::parallel::problems::agree;
 use crate::pins::HardPins;
-use crate::scene::{BodyShape, PinTarget, Scene};
+use crate::scene::{BodyShape, ContactSide, PinTarget, Scene};
 use crate::simulation::FrameInput;
 use crate::state::State;
 
@@ -66,7 +66,8 @@ pub(super) fn start_outside(
     let description = scene.description();
     let mut problems = Vec::new();
     for (g, garment) in description.garments.iter().enumerate() {
-        for (b, body) in description.bodies.iter().enumerate() {
+        let ignores = |b: usize| description.ignores(ContactSide::Garment(g), ContactSide::Body(b));
+        for (b, body) in description.bodies.iter().enumerate().filter(|(b, _)| !ignores(*b)) {
             let inside: Vec<(f64, usize)> = scene
                 .parts()
                 .own_of_garment(g)
