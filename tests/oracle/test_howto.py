@@ -34,7 +34,7 @@ ELSEWHERE = {
 # Scenes that pages quote: the page, the scene and the number of the block.
 QUOTED = [
     ("cape", f"{HOWTO}/cape.toml", 0), ("trousers", f"{HOWTO}/trousers.toml", 0), ("flag", f"{SAMPLES}/flag.toml", 0),
-    ("painted_maps", f"{HOWTO}/painted_maps.toml", 0), ("seams_cushion", f"{SAMPLES}/sewn_tube.toml", 0),
+    ("painted_maps", f"{HOWTO}/painted_maps.toml", 0), ("over_time", f"{HOWTO}/over_time.toml", 0), ("seams_cushion", f"{SAMPLES}/sewn_tube.toml", 0),
     ("seams_cushion", f"{SAMPLES}/pillow.toml", 1), ("seams_cushion", f"{SAMPLES}/cushion.toml", 2),
 ]  # fmt: skip
 
@@ -310,6 +310,22 @@ def test_a_time_limit_ends_with_75_too(tmp_path):
     shot = Shot(ROOT / SAMPLES / "flag.toml", "0-96", resolution=16)
     shot.run(tmp_path / "out", "--max-wall", "0.1s", code=STOPPED)
     assert manifest(tmp_path / "out").get("last_complete_frame", 0) < 96
+
+
+# ---- over_time
+
+
+def test_cloth_becomes_limp_and_slides_off_by_the_curves_of_its_numbers(run_howto, report_figure):
+    """By the height of the rim below the top, and by the middle that leaves the ball."""
+    run = run_howto(f"{HOWTO}/over_time.toml", resolution=20)
+    x, triangles = run.positions("square"), run.caches["square"]["triangles"]
+    frame = {number: place for place, number in enumerate(run.numbers("square"))}
+    rim = np.unique(igl.boundary_facets(triangles.astype(np.int64))[0])
+    below = {number: x[frame[number]][:, 1].max() - x[frame[number]][rim, 1].mean() for number in (8, 28)}
+    lowest = x[frame[42]][:, 1].min()
+    report_figure(f"rim below the top: {below[8]:.2f} m at frame 8, {below[28]:.2f} m at frame 28; lowest at frame 42: {lowest:.2f} m")
+    assert below[28] > 1.5 * below[8]
+    assert lowest < x[frame[28]][:, 1].min() - 0.1
 
 
 # ---- painted_maps
