@@ -316,7 +316,7 @@ def test_a_time_limit_ends_with_75_too(tmp_path):
 
 
 def test_cloth_becomes_limp_and_slides_off_by_the_curves_of_its_numbers(run_howto, report_figure):
-    """By the height of the rim below the top, and by the middle that leaves the ball."""
+    """Height of the rim below the top, and the lowest vertex after the ball has become slippery."""
     run = run_howto(f"{HOWTO}/over_time.toml", resolution=20)
     x, triangles = run.positions("square"), run.caches["square"]["triangles"]
     frame = {number: place for place, number in enumerate(run.numbers("square"))}
