@@ -75,6 +75,8 @@ def test_numbers_that_are_set_hold_from_the_next_frame_on() -> None:
         simulation.set("gravity.acelerate", 1.0)
     with pytest.raises(drapery.SceneError, match="three numbers"):
         simulation.set("gravity.acceleration", 1.0)
+    with pytest.raises(drapery.UsageError, match="is no number"):
+        simulation.set("gravity.acceleration", "down")
 
 
 def test_arrays_are_of_their_frame_are_not_copied_and_cannot_be_written_to() -> None:

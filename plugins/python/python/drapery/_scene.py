@@ -452,13 +452,17 @@ class Simulation:
         """
         self._native.move_body(body, vectors(positions, "positions"))
 
-    def set(self, path: str, value: float | Sequence[float]) -> None:
+    def set(self, path: str, value: npt.ArrayLike) -> None:
         """Gives a number of the scene another value from the next frame on: ``"garment.skirt.stretch.stiffness"``,
         ``"body.hero.friction"``, ``"gravity.acceleration"``, in SI units.
 
         Raises SceneError with the path; nothing has changed then. States do not hold the value.
         """
-        self._native.set(path, [float(value)] if isinstance(value, int | float) else [float(number) for number in value])
+        try:
+            numbers: list[float] = np.asarray(value, dtype=np.float64).reshape(-1).tolist()
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"{path}: {value!r} is no number\n  help: give a number, or the three of a vector") from error
+        self._native.set(path, numbers)
 
     def positions(self, garment: str | None = None) -> Vectors:
         """Positions of a garment, of the first one if none is named: (points, 3) [m], in the order of its mesh.
