@@ -48,11 +48,16 @@ fn ignore(a: ContactSide, b: ContactSide) -> ContactRule {
     ContactRule { ignore: true, ..ContactRule::new([a, b]) }
 }
 
-/// Mean height of a garment [m].
-fn height(simulation: &Simulation, garment: usize) -> f64 {
+/// Mean of the points of a garment [m].
+fn middle(simulation: &Simulation, garment: usize) -> Vec3 {
     let mut points = Vec::new();
     simulation.garment_positions(garment, &mut points);
-    centre(&points).y
+    centre(&points)
+}
+
+/// Mean height of a garment [m].
+fn height(simulation: &Simulation, garment: usize) -> f64 {
+    middle(simulation, garment).y
 }
 
 fn counted(summary: &FrameSummary, name: &str) -> u64 {
@@ -143,11 +148,7 @@ fn friction_on_a_body_is_that_of_the_garment_and_the_body() {
         add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, 0.6);
         description.contacts = vec![ContactRule { friction: Some(0.2), ..ContactRule::new([Body(0), Garment(1)]) }];
         let mut simulation = start(description);
-        let along = |simulation: &Simulation, garment: usize| {
-            let mut points = Vec::new();
-            simulation.garment_positions(garment, &mut points);
-            (turn * Vec3::x()).dot(&centre(&points))
-        };
+        let along = |simulation: &Simulation, garment: usize| (turn * Vec3::x()).dot(&middle(simulation, garment));
         let before = [0, 1].map(|garment| along(&simulation, garment));
         run(&mut simulation, 12);
         for (garment, friction) in [(0, 0.6), (1, 0.2)] {
@@ -172,11 +173,7 @@ fn friction_of_cloth_on_cloth_is_that_of_the_two_garments() {
         let mut description = scene([vec![slope], patches].concat(), true, integrator);
         description.contacts = vec![ContactRule { friction: Some(0.1), ..ContactRule::new([Garment(2), Garment(0)]) }];
         let mut simulation = start(description);
-        let along = |simulation: &Simulation, garment: usize| {
-            let mut points = Vec::new();
-            simulation.garment_positions(garment, &mut points);
-            (turn * Vec3::x()).dot(&centre(&points))
-        };
+        let along = |simulation: &Simulation, garment: usize| (turn * Vec3::x()).dot(&middle(simulation, garment));
         let before = [1, 2].map(|garment| along(&simulation, garment));
         run(&mut simulation, 12);
         let [rough, smooth] = [1, 2].map(|garment| along(&simulation, garment) - before[garment - 1]);
