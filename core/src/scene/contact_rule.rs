@@ -57,10 +57,15 @@ impl ContactRule {
 }
 
 impl SceneDescription {
+    /// The rule for two objects, in whichever order it names them.
+    pub fn contact_rule(&self, a: ContactSide, b: ContactSide) -> Option<&ContactRule> {
+        let wanted = [a.min(b), a.max(b)];
+        self.contacts.iter().find(|rule| rule.ordered() == wanted)
+    }
+
     /// Whether two objects pass through each other by a rule.
     pub fn ignores(&self, a: ContactSide, b: ContactSide) -> bool {
-        let wanted = ContactRule::new([a, b]).ordered();
-        self.contacts.iter().any(|rule| rule.ignore && rule.ordered() == wanted)
+        self.contact_rule(a, b).is_some_and(|rule| rule.ignore)
     }
 
     /// Drops the rules for which `keep` does not hold; curves follow the numbers of the others.

@@ -16,9 +16,8 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let own = facts.scene.bodies.iter().zip(&facts.check.has_own_friction).enumerate().filter(|(_, (_, own))| **own);
     let of_body = |(number, (body, _)): (usize, (&BodyDescription, _))| {
         let has_rule = |garment: usize| {
-            let between = [ContactSide::Garment(garment), ContactSide::Body(number)];
-            let rules = facts.scene.contacts.iter().filter(|rule| rule.ignore || rule.friction.is_some());
-            rules.map(|rule| rule.between).any(|[a, b]| [a, b] == between || [b, a] == between)
+            let rule = facts.scene.contact_rule(ContactSide::Garment(garment), ContactSide::Body(number));
+            rule.is_some_and(|rule| rule.ignore || rule.friction.is_some())
         };
         let fabrics = facts.check.fabrics.iter().enumerate().filter(|(garment, _)| !has_rule(*garment));
         finding(body, &fabrics.filter_map(|(_, fabric)| fabric.as_ref()).collect::<Vec<_>>())

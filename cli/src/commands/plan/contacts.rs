@@ -37,11 +37,7 @@ fn pairs(scene: &SceneDescription) -> Vec<PairOfObjects> {
         }
     }
     let with_rule = |(between, friction, thickness): ([ContactSide; 2], f64, f64)| {
-        let is_theirs = |rule: &&ContactRule| {
-            let [a, b] = rule.between;
-            rule.between == between || [b, a] == between
-        };
-        let rule = scene.contacts.iter().find(is_theirs).copied();
+        let rule = scene.contact_rule(between[0], between[1]).copied();
         let [friction, thickness] = [
             rule.and_then(|rule| rule.friction).unwrap_or(friction),
             rule.and_then(|rule| rule.thickness).unwrap_or(thickness),

@@ -130,15 +130,11 @@ impl Bodies {
     /// # Errors
     /// A surface without a sample, or one whose sample does not fit.
     pub fn new(scene: &Scene, samples: &[Vec<Sample>], time: f64) -> Result<Self, Problems> {
-        let gap = tolerances::CONTACT_GAP * scene.mean_edge();
-        let (mut list, mut properties, mut problems) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut list, mut problems) = (Vec::new(), Vec::new());
         for (b, description) in scene.description().bodies.iter().enumerate() {
             let first = samples.get(b).and_then(|s| s.last());
             match Kind::new(description, first) {
-                Ok(kind) => {
-                    list.push(kind);
-                    properties.push(BodyContactProperties::of(description, gap));
-                }
+                Ok(kind) => list.push(kind),
                 Err(what) => problems.push(Problem::data(
                     format!("body \"{}\"", description.name),
                     what,
@@ -146,10 +142,11 @@ impl Bodies {
                 )),
             }
         }
-        let mut bodies = Self { list, properties, times: [time; 2] };
+        let mut bodies = Self { list, properties: Vec::new(), times: [time; 2] };
         if !problems.is_empty() {
             return Err(Problems(problems));
         }
+        bodies.take_properties(scene);
         bodies.set_step(time, time);
         Ok(bodies)
     }

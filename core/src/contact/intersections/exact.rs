@@ -14,9 +14,9 @@ use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::bvh::Bvh;
 use crate::geometry::crossings::{self, Crossing, Surface};
 
-/// All crossings of objects that do not ignore each other, with the nodes at `x` [m], which are inside the boxes that were given to the search last; of those of cloth
-/// with cloth the ones with a node in `moved` (one entry for each node), if given. Ascending, in numbers of the scene. All
-/// ranks call it together.
+/// All crossings of objects that do not ignore each other, with the nodes at `x` [m], which are inside the boxes that were given to the
+/// search last; of those of cloth with cloth the ones with a node in `moved` (one entry for each node), if given. Ascending, in numbers
+/// of the scene. All ranks call it together.
 pub(crate) fn crossings(
     surface: &ContactSurface,
     search: &PairSearch,

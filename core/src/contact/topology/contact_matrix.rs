@@ -38,7 +38,7 @@ pub(crate) struct ContactGroups {
 }
 
 /// Number of a garment or a body among the objects.
-pub(crate) fn object(description: &SceneDescription, side: ContactSide) -> usize {
+fn object(description: &SceneDescription, side: ContactSide) -> usize {
     match side {
         ContactSide::Garment(garment) => garment,
         ContactSide::Body(body) => description.garments.len() + body,
