@@ -10,9 +10,12 @@
 //! ```
 
 pub mod bits;
+pub mod comparison;
+mod contact_sheet;
 pub mod diff;
 mod local_run;
 pub(crate) mod page;
 pub mod report;
 pub mod study;
 pub mod verify;
+pub mod wedge;

@@ -1,6 +1,7 @@
 //! Arguments of the command line.
 
 mod values;
+mod wedge;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -27,6 +28,7 @@ use values::{
     parse_frame_budget, parse_frames, parse_length, parse_rate, parse_resume, parse_seeds, parse_setting,
     parse_tolerance, parse_up,
 };
+pub(crate) use wedge::WedgeArgs;
 
 /// Text of `--version`: the version, and the features of this build that not every build has.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -44,12 +46,12 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
     #[command(flatten)]
     pub(crate) log: LogArgs,
-    /// Site file with defaults for run, plan, check, study and materials [default: DRAPERY_CONFIG]
+    /// Site file with defaults for run, plan, check, study, wedge and materials [default: DRAPERY_CONFIG]
     #[arg(long, value_name = "FILE", global = true)]
     pub(crate) config: Option<PathBuf>,
 }
 
-/// Parses the command line. `run` and `study` keep its words, `selftest` the name of the program.
+/// Parses the command line. `run`, `study` and `wedge` keep its words, `selftest` and `wedge` the name of the program.
 ///
 /// # Errors
 /// The command line is not understood, or asks for help.
@@ -60,6 +62,11 @@ pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
             words.clone_from(&invocation.words);
         }
         Command::Selftest(args) => args.program.clone_from(&invocation.program),
+        Command::Wedge(args) => {
+            args.program.clone_from(&invocation.program);
+            args.config.clone_from(&cli.config);
+            args.words.clone_from(&invocation.words);
+        }
         _ => {}
     }
     Ok(cli)
@@ -101,10 +108,12 @@ pub(crate) enum Command {
     Stop(StopArgs),
     /// Compare two caches, checkpoints or runs, frame by frame
     Diff(DiffArgs),
-    /// Write an HTML report of a run: time, strain, contacts, degradations, pictures
+    /// Write an HTML report of a run: time, strain, contacts, degradations, pictures; of several runs, all side by side
     Report(ReportArgs),
     /// Measure the cost of accuracy: run a scene with many settings, compare errors and times, and recommend one
     Study(StudyArgs),
+    /// Run every combination of some values of a scene (materials, friction, …), with one contact sheet and one table of all
+    Wedge(WedgeArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
@@ -420,9 +429,12 @@ fn integrators() -> impl TypedValueParser<Value = Integrator> {
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
-    /// Folder of the run; the page is written into it as report.html
-    #[arg(value_name = "DIR")]
-    pub(crate) folder: PathBuf,
+    /// Folder of the run; the page is written into it as report.html. With several folders the page compares the runs
+    #[arg(value_name = "DIR", required = true)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// The page that compares several runs; its table is written beside it as CSV [default: comparison.html]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// Arguments of `study`.

@@ -27,7 +27,7 @@ pub(crate) enum ExitCode {
 /// The table that `--help` prints.
 pub(crate) const TABLE: &str = "Exit codes:
    0  done
-   1  differences found (diff), or a case failed (selftest)
+   1  differences found (diff), a case failed (selftest), or a run failed (wedge)
    2  invalid command line, or it asks for frames that the shot does not have
   65  an input file holds unusable data, or is not a regular file
   66  an input file is missing or cannot be opened

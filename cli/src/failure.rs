@@ -35,6 +35,11 @@ impl Failure {
         Self::new(code, format!("{what}: {error}\n  help: {help}"))
     }
 
+    /// The same, of one run of several.
+    pub(crate) fn in_run(self, name: &str) -> Self {
+        Self { text: format!("run {name}: {}", self.text), ..self }
+    }
+
     /// A fault of the program itself; the panic has printed its own message.
     pub(crate) fn internal() -> Self {
         Self::new(ExitCode::Internal, "this is a bug in Drapery; please report it with the lines above")

@@ -189,6 +189,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Diff(args) => commands::diff::diff(args),
         Command::Report(args) => commands::report::report(args),
         Command::Study(args) => commands::study::study(args, ranks, &around()?, cli.log.quiet),
+        Command::Wedge(args) => commands::wedge::wedge(args, ranks, &around()?, cli.log.quiet),
         Command::Schema => commands::schema::schema(),
         Command::Materials(args) => commands::materials::materials(args, &around()?),
         Command::Selftest(args) => commands::selftest::selftest(args),

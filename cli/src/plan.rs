@@ -50,7 +50,7 @@ pub(crate) fn shot(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Res
 }
 
 /// Values of the scene that the arguments set: `--without` and `--only` are two of its keys.
-fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
+pub(crate) fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
     let list = |names: &[String]| format!("{names:?}");
     let mut settings = args.preset.as_deref().map(of_preset).transpose()?.unwrap_or_default();
     settings.extend(args.settings.iter().cloned());

@@ -29,6 +29,7 @@ ELSEWHERE = {
     "from_python": ["plugins/python/tests/test_analysis.py"],
     # The tour runs the page's two runs of the flag and compares them; then longer runs, on more processes, stopped and lost.
     "two_machines": ["tests/tour/main.rs", "tests/oracle/test_mpi_runs.py", "tests/oracle/test_lost_rank.py"],
+    "wedge": ["tests/oracle/test_wedge.py"],
 }
 
 # Scenes that pages quote: the page, the scene and the number of the block.

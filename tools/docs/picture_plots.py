@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import blender_session
+import browser
 import farm
 from howto import frames_of
 from measure.runs import timed
@@ -176,6 +178,21 @@ def two_processes(options):
         seconds = (frames[-1][0] - begin) / len(frames)
         chart.mark(frames[-1], f"{processes} process{'es' if processes > 1 else ''}: {seconds:.2f} s a frame", colour, (-40, 0))
     return chart.done()
+
+
+def page_of_a_wedge(options):
+    """The upper part of the page of a wedge, in a browser: three fabrics on a rough ball and a slippery one."""
+    out = options.work / "wedge"
+    scene = ROOT / "sample_assets" / "howto" / "fabric.toml"
+    run([options.drapery, "wedge", scene, "--vary", "fabric=silk_light,denim_11oz,leather_garment", "--vary", "body.ball.friction=0.1,0.6",
+         "--out", out])  # fmt: skip
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        picture = Path(profile) / "page.png"
+        program = next(filter(None, map(shutil.which, browser.NAMES)))
+        run([program, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}",
+             "--window-size=1240,1500", f"--screenshot={picture}", (out / "comparison.html").as_uri()])  # fmt: skip
+        with Image.open(picture) as page:
+            return page.convert("RGB").crop((0, 0, page.width, page.height))
 
 
 def plot_of_the_python_page(_):

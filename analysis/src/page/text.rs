@@ -18,6 +18,14 @@ pub(crate) fn escape(text: &str) -> String {
     escaped
 }
 
+/// A relative path as the address of a link: what means something else there is written as `%` and its code.
+pub(crate) fn address(path: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/,=+".contains(&byte);
+    path.bytes()
+        .map(|byte| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") })
+        .collect()
+}
+
 /// A whole number in groups of three digits.
 pub(crate) fn count(amount: u64) -> String {
     let digits = amount.to_string();
@@ -117,6 +125,11 @@ mod tests {
         assert_eq!(count(999), "999");
         assert_eq!([0.0, 1234.0, 0.004, -2e6].map(|v| scaled(v, "J")), ["0 J", "1.23 kJ", "4 mJ", "-2 MJ"]);
         assert_eq!(scaled(20_000.0, ""), "20 k");
+    }
+
+    #[test]
+    fn addresses_hold_no_character_with_a_meaning() {
+        assert_eq!(address("a b/50%#1?.html"), "a%20b/50%25%231%3F.html");
     }
 
     #[test]

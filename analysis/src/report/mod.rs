@@ -6,11 +6,8 @@
 
 pub mod status;
 
-mod bodies;
 mod chart;
 mod charts;
-mod contact_sheet;
-mod raster;
 mod tables;
 mod thin;
 
@@ -21,6 +18,7 @@ use drapery_io::error::IoError;
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::reader::{FrameRow, median};
 
+use crate::contact_sheet;
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
 
@@ -48,7 +46,7 @@ pub fn page(run: &RunFolder) -> String {
     let title = if run.manifest.shot.is_empty() { "run" } else { &run.manifest.shot };
     let mut body = header(run, title);
     body += &tiles(run, &rows, &found);
-    body += &contact_sheet::sheet(run);
+    body += &contact_sheet::of_run(run);
     body += "<section><h2>Frame by frame</h2><p>Hover over a column to see its values.</p>";
     body += &match rows.is_empty() {
         true => "<p>No frame has been simulated yet.</p>".to_owned(),

@@ -166,21 +166,46 @@ impl BaseSettings {
 /// # Errors
 /// It is something else, or a value that the name does not take.
 pub fn parse_vary(text: &str) -> Result<(String, Vec<String>), String> {
-    let wrong = || format!("`{text}`: write a name and its values, for example cfl=4,2,1");
-    let (name, values) = text.split_once('=').ok_or_else(wrong)?;
-    let values: Vec<String> = values.split(',').map(|value| value.trim().to_owned()).collect();
-    let name = name.trim();
-    if name.is_empty() || values.iter().any(String::is_empty) {
-        return Err(wrong());
-    }
+    let (name, values) = parse_values(text)?;
     let are_counts = values.iter().all(|value| value.parse::<u16>().is_ok_and(|count| count > 0));
     if name == BODY_FRAMES && !are_counts {
         return Err(format!("`{text}`: give intervals of 1 frame or more, for example {BODY_FRAMES}=1,2"));
     }
-    if [THREADS, RANKS].contains(&name) && !are_counts {
+    if [THREADS, RANKS].contains(&name.as_str()) && !are_counts {
         return Err(format!("`{text}`: give whole numbers of 1 or more, for example {name}=1,2"));
     }
-    Ok((name.to_owned(), values))
+    Ok((name, values))
+}
+
+/// Reads `name=a,b,c`. Commas inside brackets or quotes belong to a value.
+///
+/// # Errors
+/// It is something else.
+pub fn parse_values(text: &str) -> Result<(String, Vec<String>), String> {
+    let wrong = || format!("`{text}`: write a name and its values, for example cfl=4,2,1");
+    let (name, rest) = text.split_once('=').ok_or_else(wrong)?;
+    let (mut values, mut depth, mut quote) = (vec![String::new()], 0_i32, None);
+    for c in rest.chars() {
+        match (c, quote) {
+            (_, Some(open)) if c == open => quote = None,
+            ('"' | '\'', None) => quote = Some(c),
+            ('[' | '{', None) => depth += 1,
+            (']' | '}', None) => depth -= 1,
+            (',', None) if depth <= 0 => {
+                values.push(String::new());
+                continue;
+            }
+            _ => {}
+        }
+        // There is always a last value.
+        values.last_mut().into_iter().for_each(|value| value.push(c));
+    }
+    let values: Vec<String> = values.iter().map(|value| value.trim().to_owned()).collect();
+    match name.trim() {
+        "" => Err(wrong()),
+        _ if values.iter().any(String::is_empty) => Err(wrong()),
+        name => Ok((name.to_owned(), values)),
+    }
 }
 
 /// The scene as it is.
@@ -298,6 +323,15 @@ pub(super) mod tests {
 
     fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {
         expected.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect()
+    }
+
+    #[test]
+    fn commas_in_brackets_and_quotes_belong_to_a_value() {
+        let values = |text: &str| parse_values(text).map(|(_, values)| values);
+        assert_eq!(values("cfl=4, 2"), Ok(vec!["4".into(), "2".into()]));
+        assert_eq!(values("g=[0, -9.81, 0],[0,-1,0]"), Ok(vec!["[0, -9.81, 0]".into(), "[0,-1,0]".into()]));
+        assert_eq!(values("name=\"a,b\",c"), Ok(vec!["\"a,b\"".into(), "c".into()]));
+        assert!(values("cfl=4,,2").is_err() && values("=4").is_err() && values("cfl").is_err());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The bodies of a run, for its contact sheet: their shapes stand in the resolved scene, and their motion there or in
+//! The bodies of a run: their shapes stand in the resolved scene, and their motion there or in
 //! the files that it names.
 
 use drapery_core::Vec3;
