@@ -1,16 +1,15 @@
 //! Pictures of a few frames, drawn from the caches.
 
-use base64::encode;
 use drapery_core::Vec3;
-use drapery_io::cache_frames::CacheFrames;
+use drapery_io::shot_description::ShotDescription;
 use drapery_shot::run_record::folder::RunFolder;
-use drapery_shot::run_record::manifest::ManifestGarment;
 
-use super::bodies::{Bodies, BodyMesh};
 use super::raster::{Picture, Surface, View, render};
+use crate::drawn::bodies::{self, BodyMesh};
+use crate::drawn::cloth::{self, COLOURS, Garment, simulated};
+use crate::drawn::scene;
+use crate::page::base64::encode;
 use crate::page::text::escape;
-
-mod base64;
 
 /// Frames that are shown at most.
 const PICTURES: usize = 12;
@@ -27,38 +26,23 @@ const BUDGET: usize = 1_200_000;
 /// Bodies larger than this many times the cloth are scenery: the picture does not have to hold them.
 const SCENERY: f64 = 2.5;
 
-/// Colours of garments: red, green and blue.
-const GARMENTS: [[f64; 3]; 6] = [
-    [86.0, 148.0, 226.0],
-    [228.0, 158.0, 66.0],
-    [88.0, 190.0, 150.0],
-    [214.0, 122.0, 160.0],
-    [150.0, 134.0, 226.0],
-    [202.0, 190.0, 92.0],
-];
-
 /// Colour of bodies.
 const BODY: [f64; 3] = [176.0, 174.0, 168.0];
 
 /// Colour of the ground.
 const GROUND: [f64; 3] = [172.0, 171.0, 166.0];
 
-/// A garment as it is drawn.
-struct Garment {
-    cache: CacheFrames,
-    colour: [f64; 3],
-}
-
 /// The sheet as a part of the page; empty when no cache can be read.
 pub(super) fn sheet(folder: &RunFolder) -> String {
-    let garments = garments(folder);
-    let chosen = spread(&common_frames(&garments), PICTURES);
+    // Caches that cannot be read have no pictures; `drapery verify` says why.
+    let garments: Vec<Garment> = cloth::garments(folder).into_iter().filter_map(Result::ok).collect();
+    let chosen = spread(&cloth::common_frames(&garments), PICTURES);
     if chosen.is_empty() {
         return String::new();
     }
     let pictures = within_budget(draw(folder, &garments, &chosen));
     let cells: String = pictures.iter().map(|(frame, picture)| cell(*frame, picture)).collect();
-    let keys = simulated(folder).zip(GARMENTS.iter().cycle()).map(|(garment, [r, g, b])| {
+    let keys = simulated(folder).zip(COLOURS.iter().cycle()).map(|(garment, [r, g, b])| {
         format!("<li><i style=\"background:rgb({r},{g},{b})\"></i>{}</li>", escape(&garment.name))
     });
     let keys: String = keys.collect();
@@ -68,33 +52,6 @@ pub(super) fn sheet(folder: &RunFolder) -> String {
     )
 }
 
-/// The garments, without render meshes, which would hide them.
-fn simulated(folder: &RunFolder) -> impl Iterator<Item = &ManifestGarment> {
-    folder.manifest.garments.iter().filter(|garment| garment.render_mesh_of.is_none())
-}
-
-/// The first cache of each garment that can be read.
-fn garments(folder: &RunFolder) -> Vec<Garment> {
-    let listed = simulated(folder).zip(GARMENTS.iter().cycle());
-    let open = |(garment, colour): (&ManifestGarment, &[f64; 3])| {
-        let paths = garment.files.iter().filter_map(|name| folder.cache(name));
-        let cache = paths.filter_map(|path| CacheFrames::open(&path).ok()).next()?;
-        Some(Garment { cache, colour: *colour })
-    };
-    listed.filter_map(open).collect()
-}
-
-/// Frames that every garment has.
-fn common_frames(garments: &[Garment]) -> Vec<i64> {
-    let mut meshes = garments.iter().flat_map(|garment| &garment.cache.meshes);
-    let Some(first) = meshes.next() else { return Vec::new() };
-    let mut frames = first.frames.clone();
-    for mesh in meshes {
-        frames.retain(|frame| mesh.frames.binary_search(frame).is_ok());
-    }
-    frames
-}
-
 /// A few of many, evenly, with the first and the last.
 fn spread(frames: &[i64], most: usize) -> Vec<i64> {
     let count = frames.len().min(most);
@@ -102,30 +59,20 @@ fn spread(frames: &[i64], most: usize) -> Vec<i64> {
     (0..count).map(|i| frames[index(i)]).collect()
 }
 
-/// Positions of all meshes of a garment at a frame; `None` if one cannot be read.
-fn positions(garment: &Garment, frame: i64) -> Option<Vec<Vec<Vec3>>> {
-    let meshes = garment.cache.meshes.iter().enumerate();
-    let read = |(index, mesh): (usize, &drapery_io::cache_frames::CacheMesh)| {
-        let sample = mesh.frames.binary_search(&frame).ok()?;
-        garment.cache.positions(index, sample).ok()
-    };
-    meshes.map(read).collect()
-}
-
 /// One picture a frame, all from the same place; frames that cannot be read are left out.
 fn draw(folder: &RunFolder, garments: &[Garment], frames: &[i64]) -> Vec<(i64, Vec<u8>, [usize; 2])> {
     let mut poses = Vec::new();
     for &frame in frames {
-        let all: Option<Vec<Vec<Vec<Vec3>>>> = garments.iter().map(|garment| positions(garment, frame)).collect();
+        let all: Option<Vec<Vec<Vec<Vec3>>>> = garments.iter().map(|garment| garment.positions(frame).ok()).collect();
         poses.extend(all.map(|all| (frame, all)));
     }
-    let bodies = Bodies::of(folder);
+    let shot = scene(folder).ok();
     let mut points: Vec<Vec3> = poses.iter().flat_map(|(_, pose)| pose.iter().flatten().flatten()).copied().collect();
     points.retain(|p| p.iter().all(|x| x.is_finite()));
     let subject = View::fitting(&points, WIDTH).subject();
     let meshes: Vec<Vec<BodyMesh>> = poses
         .iter()
-        .map(|(frame, _)| bodies.as_ref().map_or(Vec::new(), |bodies| bodies.at(*frame, subject)))
+        .map(|(frame, _)| shot.as_ref().map_or(Vec::new(), |shot| bodies_at(shot, *frame, subject)))
         .collect();
     let near = |p: &&Vec3| (**p - subject.0).norm() < SCENERY * subject.1;
     for mesh in meshes.iter().flatten().filter(|mesh| !mesh.is_ground) {
@@ -140,7 +87,7 @@ fn draw(folder: &RunFolder, garments: &[Garment], frames: &[i64]) -> Vec<(i64, V
             garment.cache.meshes.iter().zip(pose).map(|(mesh, positions)| Surface {
                 positions,
                 triangles: &mesh.triangles,
-                colour: garment.colour,
+                colour: garment.colour.map(f64::from),
                 solid: false,
             })
         });
@@ -155,6 +102,12 @@ fn draw(folder: &RunFolder, garments: &[Garment], frames: &[i64]) -> Vec<(i64, V
         pictures.extend(png(&picture).map(|bytes| (*frame, bytes, [picture.width, picture.height])));
     }
     pictures
+}
+
+/// All bodies at a frame; those that cannot be read are left out.
+fn bodies_at(shot: &ShotDescription, frame: i64, around: (Vec3, f64)) -> Vec<BodyMesh> {
+    let bodies = 0..shot.scene.bodies.len();
+    bodies.filter_map(|body| bodies::at(shot, body, frame, around).ok().flatten()).collect()
 }
 
 /// As many pictures as are small enough together, evenly spread.

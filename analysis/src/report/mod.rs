@@ -6,7 +6,6 @@
 
 pub mod status;
 
-mod bodies;
 mod chart;
 mod charts;
 mod contact_sheet;

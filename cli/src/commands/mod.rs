@@ -14,3 +14,4 @@ pub(crate) mod status;
 pub(crate) mod stop;
 pub(crate) mod study;
 pub(crate) mod verify;
+pub(crate) mod view;
