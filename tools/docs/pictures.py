@@ -146,6 +146,7 @@ OTHERS = {
     "from_python": plots.plot_of_the_python_page,
     "two_machines": plots.two_processes,
     "farm": plots.stopped_and_resumed,
+    "view": plots.page_of_a_run,
 }
 NAMES = [*SHOTS, *OTHERS]
 

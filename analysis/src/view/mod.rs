@@ -199,4 +199,12 @@ fn rate(fps: &str) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_fractions() {
+        assert_eq!([rate("24/1"), rate("30"), rate(""), rate("1/0"), rate("-3")], [24.0, 30.0, 24.0, 24.0, 24.0]);
+        assert!((rate("24000/1001") - 23.976).abs() < 1e-3);
+    }
+}
