@@ -81,7 +81,7 @@ function legend(mode, range, objects) {
     if (box.hidden) return;
     const { title, format, reversed, notes } = MODES[mode];
     const stops = SCALE.map((_, i) => rgb(scaled(reversed ? 1 - i / (SCALE.length - 1) : i / (SCALE.length - 1))));
-    const ticks = range[1] > range[0] ? [0, 0.25, 0.5, 0.75, 1] : [0.5];
+    const ticks = range[1] > range[0] ? [0, 0.5, 1] : [0.5];
     const element = (name, properties, ...children) => {
         const made = Object.assign(document.createElement(name), properties);
         made.append(...children);

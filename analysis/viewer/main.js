@@ -40,9 +40,9 @@ async function show(frame) {
             stage.fit(objects);
         }
         part("vertex").hidden = true;
-        say("");
+        say({ frame: "" });
     } catch (error) {
-        if (number === wish) say(error.message);
+        if (number === wish) say({ frame: error.message });
     } finally {
         if (number === wish) isLoading = false;
         tell();
@@ -52,16 +52,22 @@ async function show(frame) {
 // What is hidden and how the rest is drawn.
 function look() {
     stage.meshes.forEach((mesh, i) => {
-        mesh.visible = shown !== null && !hidden.has(run.objects[i].name);
-        mesh.material.wireframe = part("wireframe").checked;
+        const { name, kind } = run.objects[i];
+        mesh.visible = shown !== null && !hidden.has(name);
+        mesh.material.wireframe = part("wireframe").checked && kind === "cloth";
     });
     stage.orbit.autoRotate = part("turntable").checked;
     stage.needsDrawing = true;
 }
 
-function say(alarm) {
-    part("alarm").textContent = alarm;
-    part("alarm").hidden = !alarm;
+// What is wrong with the run, and with the frame that was last wished for.
+const alarms = { run: "", frame: "" };
+
+function say(changed) {
+    Object.assign(alarms, changed);
+    const text = alarms.run || alarms.frame;
+    part("alarm").textContent = text;
+    part("alarm").hidden = !text;
 }
 
 // The line about the run.
@@ -70,15 +76,23 @@ function tell() {
     const { frames } = run, place = frames.indexOf(shown);
     const words = [];
     if (run.frames_done === 0) words.push(run.state === "running" && !run.killed ? "waiting for the first frame" : "no frames");
-    else if (shown !== null) words.push(`frame ${shown} (${place + 1} of ${frames.length}${run.frames_of_run > frames.length ? ` in this page, ${run.frames_of_run} in the run` : ""})`);
+    else if (shown !== null) words.push(`frame ${shown} (${place + 1} of ${frames.length}${ofRun()})`);
     if (run.killed) words.push("the process of the run ended without a message");
-    else if (run.state === "running") words.push(`running: ${run.frames_done} of ${run.frames_total} frames${left(run.seconds_left)}`);
+    else if (run.state === "running") {
+        const when = held ? "running when this page was written" : "running";
+        words.push(`${when}: ${run.frames_done} of ${run.frames_total} frames${left(run.seconds_left)}`);
+    }
     else words.push(run.state + (run.reason && run.reason !== run.state ? `: ${run.reason}` : ""));
     if (run.error && run.state === "failed") words.push(run.error.split("\n")[0]);
     part("status").textContent = words.join(", ");
     Object.assign(part("slider"), { max: Math.max(frames.length - 1, 0), value: Math.max(place, 0), ariaValueText: `frame ${shown}` });
     part("play").textContent = isPlaying ? "pause" : "play";
     part("play").ariaPressed = String(isPlaying);
+}
+
+// A page that was written may hold fewer frames than the run.
+function ofRun() {
+    return run.frames_of_run > run.frames.length ? ` in this page, ${run.frames_of_run} in the run` : "";
 }
 
 function left(seconds) {
@@ -88,8 +102,8 @@ function left(seconds) {
 
 // Takes in what the run is now; the latest frame is shown when it is followed.
 async function renew(now) {
-    const isOther = !run || run.attempt !== now.attempt || run.objects.length !== now.objects.length
-        || run.objects.some((object, i) => object.name !== now.objects[i].name || object.points !== now.objects[i].points);
+    const marks = (of) => JSON.stringify([of.attempt, of.frames.length > 0, of.objects.map(({ name, points }) => [name, points])]);
+    const isOther = !run || marks(run) !== marks(now);
     const wasLast = !run || shown === null || shown === run.frames.at(-1);
     if (isOther) {
         arrays.forget();
@@ -98,12 +112,8 @@ async function renew(now) {
         shown = null;
     }
     const had = run?.frames.length ?? 0;
-    const hadTriangles = had > 0;
     run = now;
-    if (!isOther && !hadTriangles && now.frames.length) {
-        stage.setObjects(now.objects, await Promise.all(now.objects.map((_, i) => arrays.get(`object/${i}/triangles`))));
-    }
-    if (isOther || !hadTriangles) describe();
+    if (isOther) describe();
     part("notices").textContent = now.notices.join("\n");
     if (!now.frames.length) return tell();
     const goes = now.state === "running" && !now.killed;
@@ -138,9 +148,9 @@ function describe() {
 async function watch() {
     try {
         await renew(await state());
-        if (run.frames.length && shown !== null && !isLoading) say("");
+        say({ run: "" });
     } catch (error) {
-        say(error.message);
+        say({ run: error.message });
     }
     if (!held) setTimeout(watch, PATIENCE);
 }
@@ -215,8 +225,8 @@ function listen() {
     part("play").addEventListener("click", () => play(!isPlaying));
     part("slider").addEventListener("input", () => go(Number(part("slider").value)));
     document.addEventListener("keydown", (event) => {
-        // The slider moves by its own arrows, and buttons are pressed by the space bar.
-        const isOwn = event.target.id === "slider" || (event.key === " " && ["BUTTON", "INPUT"].includes(event.target.tagName));
+        // Controls move by their own arrows, and are pressed by the space bar.
+        const isOwn = ["BUTTON", "INPUT"].includes(event.target.tagName) && (event.key === " " || event.key.length > 1);
         const act = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
         if (!act || !run || isOwn || event.ctrlKey || event.metaKey || event.altKey) return;
         event.preventDefault();
@@ -251,5 +261,5 @@ try {
     requestAnimationFrame(tick);
     watch();
 } catch (error) {
-    say(`This browser draws nothing: ${error.message}. The page needs WebGL 2; see whether the browser has switched it off.`);
+    say({ run: `This browser draws nothing: ${error.message}. The page needs WebGL 2; see whether the browser has switched it off.` });
 }

@@ -71,12 +71,14 @@ const stage = {
 
     // Shows all that is visible but the ground, from where it is seen now.
     fit(objects) {
-        const seen = this.meshes.filter((mesh, i) => mesh.visible && objects[i].kind !== "ground").map((mesh) => mesh.geometry.getAttribute("position"));
-        const cloth = this.meshes.filter((mesh, i) => mesh.visible && objects[i].kind === "cloth").map((mesh) => mesh.geometry.getAttribute("position"));
-        const whole = box(seen), middle = box(cloth);
-        if (!whole || !middle) return;
+        const pointsOf = (kinds) => {
+            const shown = this.meshes.filter((mesh, i) => mesh.visible && kinds.includes(objects[i].kind));
+            return shown.map((mesh) => mesh.geometry.getAttribute("position"));
+        };
+        const whole = box(pointsOf(["cloth", "body"])), middle = box(pointsOf(["cloth"]));
+        if (!whole) return;
         // A body that is far larger than the cloth is scenery.
-        const [low, high] = whole.size > 4 * middle.size ? middle.ends : whole.ends;
+        const [low, high] = middle && whole.size > 4 * middle.size ? middle.ends : whole.ends;
         const centre = low.map((value, i) => (value + high[i]) / 2);
         const radius = Math.max(Math.hypot(...low.map((value, i) => high[i] - value)) / 2, 1e-6);
         const half = (this.camera.fov * Math.PI) / 360;

@@ -36,9 +36,9 @@ def browser():
 
 
 def text_of(page):
-    """Returns the text of a page on disk, as its scripts have changed it, after five seconds of its own time."""
+    """Returns the text of a page on disk, as its scripts have changed it, after two seconds of its own time."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [*browser(), *WEBGL, f"--user-data-dir={profile}", "--virtual-time-budget=5000", "--dump-dom", page.as_uri()]
+        command = [*browser(), *WEBGL, f"--user-data-dir={profile}", "--virtual-time-budget=2000", "--dump-dom", page.as_uri()]
         return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=PATIENCE).stdout
 
 

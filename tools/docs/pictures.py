@@ -195,6 +195,7 @@ def main():
         if name in SHOTS:
             render_shots(options, name)
         elif name in OTHERS:
+            make_assets(options)
             studio.save(OTHERS[name](options), file_of(name))
             report(file_of(name))
         elif name == "demo":

@@ -189,11 +189,11 @@ mod tests {
     fn distances_of_shapes_are_exact_and_zero_inside() {
         let mut scene = scene([0.001, 0.0]);
         let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.5 });
-        let body = BodyDescription { thickness: 0.01, ..BodyDescription::new("ball", ball) };
-        scene.bodies.push(body.clone());
         let centre = Vec3::new(0.05, -0.512, 0.05);
-        let motion = RigidMotion { path: vec![(0.0, centre)], ..body.motion };
-        let surface = Surface::rigid(ContactSide::Body(0), Shape::Sphere { radius: 0.5 }, motion, 3.0);
+        let motion = RigidMotion::at(centre);
+        let body = BodyDescription::new("ball", ball, motion.clone());
+        scene.bodies.push(BodyDescription { thickness: 0.01, ..body });
+        let surface = Surface::rigid(ContactSide::Body(0), Shape::Sphere { radius: 0.5 }, motion.clone(), 3.0);
         let points = sheet(0.0).0;
         let found = at(&scene, &points, &[surface]);
         for (point, share) in points.iter().zip(&found) {
@@ -201,7 +201,6 @@ mod tests {
             assert!((f64::from(*share) - expected).abs() < 1e-5, "{share} {expected}");
         }
         let sunk: Vec<Vec3> = points.iter().map(|p| p - 0.1 * Vec3::y()).collect();
-        let motion = RigidMotion { path: vec![(0.0, centre)], ..scene.bodies[0].motion.clone() };
         let surface = Surface::rigid(ContactSide::Body(0), Shape::Sphere { radius: 0.5 }, motion, 3.0);
         assert!(at(&scene, &sunk, &[surface]).contains(&0.0));
     }

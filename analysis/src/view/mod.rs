@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::report::status::Status;
 use arrays::Precision;
-use opened::{About, Opened, Stamp};
+use opened::{About, Opened};
 
 pub use page::{LARGEST_PAGE, Written, has_library, page, write_page};
 
@@ -155,32 +155,27 @@ impl Viewer {
 
     /// Does something with the run as it is now.
     fn with<T>(&self, act: impl FnOnce(&mut Opened) -> Result<T, ViewError>) -> Result<T, ViewError> {
-        self.read(|opened, _| act(opened))
-    }
-
-    fn read<T>(&self, act: impl FnOnce(&mut Opened, &RunFolder) -> Result<T, ViewError>) -> Result<T, ViewError> {
-        // Whoever panicked has left nothing half done: what is opened is replaced as a whole.
+        // A thread that panicked has left nothing half done: a run is replaced as a whole.
         let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
-        let folder = RunFolder::read(&self.folder).inspect_err(|_| *opened = None)?;
-        let stamp = Stamp::of(&folder);
-        let now = match opened.take() {
-            Some(known) if known.stamp == stamp => known,
-            known => Opened::new(&folder, stamp, known),
+        let known = opened.take();
+        let now = match known {
+            Some(known) if known.is_current() => known,
+            known => Opened::new(&self.folder, known)?,
         };
-        act(opened.insert(now), &folder)
+        act(opened.insert(now))
     }
 
     fn state(&self) -> Result<RunState, ViewError> {
         let status = Status::of(&self.folder, SystemTime::now())?;
-        self.read(|opened, folder| {
-            let objects = (0..opened.objects()).map(|object| opened.about(folder, object));
+        self.with(|opened| {
+            let objects = (0..opened.objects()).map(|object| opened.about(object));
             let killed = status.was_killed();
             Ok(RunState {
-                attempt: opened.stamp.attempt.clone(),
-                reason: folder.manifest.attempts.last().and_then(|attempt| attempt.end.clone()),
+                attempt: opened.attempt(),
+                reason: opened.folder.manifest.attempts.last().and_then(|attempt| attempt.end.clone()),
                 killed,
                 status,
-                fps: rate(&folder.manifest.fps),
+                fps: rate(&opened.folder.manifest.fps),
                 frames: opened.frames.clone(),
                 frames_of_run: None,
                 objects: objects.collect(),

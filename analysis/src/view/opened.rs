@@ -1,11 +1,14 @@
 //! A run that was opened to be looked at: its caches, and its scene if that can still be read.
 
-use std::path::PathBuf;
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use drapery_core::Vec3;
 use drapery_core::scene::{BodyShape, ContactSide};
+use drapery_io::error::IoError;
 use drapery_io::shot_description::ShotDescription;
+use drapery_shot::run_record::MANIFEST;
 use drapery_shot::run_record::folder::RunFolder;
 use serde::Serialize;
 
@@ -31,8 +34,10 @@ pub(super) struct Cloth {
 
 /// An opened run.
 pub(super) struct Opened {
-    /// State of the files when they were opened: they are opened again when it changes.
-    pub(super) stamp: Stamp,
+    /// Manifest and record.
+    pub(super) folder: RunFolder,
+    /// The manifest and the caches as they were when they were opened.
+    marks: Vec<Mark>,
     /// The garments.
     garments: Vec<Garment>,
     /// Their meshes: the first objects of the page.
@@ -49,26 +54,23 @@ pub(super) struct Opened {
     last: Option<(i64, Vec<Surface>)>,
 }
 
-/// Lengths and times of the caches, and number of attempts: what tells that a run has gone on.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Stamp {
-    /// Number of the last attempt, and when it began: another one may write frames again.
-    pub(super) attempt: String,
-    caches: Vec<(PathBuf, u64, Option<SystemTime>)>,
+/// Length and time of a file: other ones mean that it was written in the meantime.
+#[derive(Debug, PartialEq, Eq)]
+struct Mark {
+    path: PathBuf,
+    length: u64,
+    changed: Option<SystemTime>,
 }
 
-impl Stamp {
-    /// As the files of a run are now.
-    pub(super) fn of(folder: &RunFolder) -> Self {
-        let last = folder.manifest.attempts.last();
-        let attempt = last.map_or(String::new(), |attempt| format!("{} {}", attempt.attempt, attempt.began));
-        let names = cloth::simulated(folder).flat_map(|garment| &garment.files);
-        let caches = names.filter_map(|name| folder.cache(name)).map(|path| {
-            let found = path.metadata().ok();
-            let changed = found.as_ref().and_then(|found| found.modified().ok());
-            (path, found.map_or(0, |found| found.len()), changed)
-        });
-        Self { attempt, caches: caches.collect() }
+impl Mark {
+    fn of(path: PathBuf) -> Self {
+        let found = path.metadata().ok();
+        let length = found.as_ref().map_or(0, Metadata::len);
+        Self { path, length, changed: found.and_then(|found| found.modified().ok()) }
+    }
+
+    fn is_current(&self) -> bool {
+        *self == Self::of(self.path.clone())
     }
 }
 
@@ -100,11 +102,19 @@ const BODY: [u8; 3] = [186, 182, 174];
 const BELOW: [u8; 3] = [150, 150, 146];
 
 impl Opened {
-    /// Opens the caches of a run; `known` is the run as it was opened before, whose scene is kept while the attempt is the same.
-    pub(super) fn new(folder: &RunFolder, stamp: Stamp, known: Option<Self>) -> Self {
+    /// Reads a run and opens its caches; `known` is the run as it was opened before, whose scene is kept while the attempt is the same.
+    ///
+    /// # Errors
+    /// The folder holds no run, or its manifest cannot be understood.
+    pub(super) fn new(path: &Path, known: Option<Self>) -> Result<Self, IoError> {
+        // Before the manifest is read, so that no change of it is missed.
+        let mut marks = vec![Mark::of(path.join(MANIFEST))];
+        let folder = RunFolder::read(path)?;
+        let names = cloth::simulated(&folder).flat_map(|garment| &garment.files);
+        marks.extend(names.filter_map(|name| folder.cache(name)).map(Mark::of));
         let mut notices = Vec::new();
         let mut garments = Vec::new();
-        for garment in cloth::garments(folder) {
+        for garment in cloth::garments(&folder) {
             match garment {
                 Ok(garment) => garments.push(garment),
                 // A run that has just begun has no caches yet.
@@ -112,14 +122,16 @@ impl Opened {
                 Err(error) => notices.push(error.to_string()),
             }
         }
-        let kept = known.filter(|known| known.stamp.attempt == stamp.attempt).and_then(|known| known.shot);
-        let shot = kept.map_or_else(|| crate::drawn::scene(folder), Ok);
+        let kept = known.filter(|known| known.attempt() == attempt(&folder)).and_then(|known| known.shot);
+        let shot = kept.map_or_else(|| crate::drawn::scene(&folder), Ok);
         let shot = shot.map_err(|errors| {
             let first = errors.first().map_or(String::new(), ToString::to_string);
-            notices.push(format!("bodies, strain, thickness and contact are not shown, because the scene cannot be read:\n{first}"));
+            let what = "bodies, strain, thickness and contact are not shown, because the scene cannot be read";
+            notices.push(format!("{what}:\n{first}"));
         });
         let mut opened = Self {
-            stamp,
+            folder,
+            marks,
             frames: cloth::common_frames(&garments),
             garments,
             cloth: Vec::new(),
@@ -130,7 +142,17 @@ impl Opened {
         };
         opened.add_cloth();
         opened.around = opened.size();
-        opened
+        Ok(opened)
+    }
+
+    /// Whether nothing was written since it was opened.
+    pub(super) fn is_current(&self) -> bool {
+        self.marks.iter().all(Mark::is_current)
+    }
+
+    /// Number of the last attempt, and when it began: another one may write frames again.
+    pub(super) fn attempt(&self) -> String {
+        attempt(&self.folder)
     }
 
     fn add_cloth(&mut self) {
@@ -175,11 +197,11 @@ impl Opened {
     }
 
     /// Description of an object.
-    pub(super) fn about(&self, folder: &RunFolder, object: usize) -> About {
+    pub(super) fn about(&self, object: usize) -> About {
         if let Some(cloth) = self.cloth.get(object) {
             let garment = &self.garments[cloth.garment];
             let mesh = &garment.cache.meshes[cloth.mesh];
-            let listed = cloth::simulated(folder).find(|listed| listed.name == garment.name);
+            let listed = cloth::simulated(&self.folder).find(|listed| listed.name == garment.name);
             return About {
                 name: garment.name.clone(),
                 kind: "cloth",
@@ -285,4 +307,8 @@ impl Opened {
         let points = surfaces.iter().find(|surface| surface.side == own && surface.mesh == cloth.mesh)?.positions();
         Some(contact::shares(&shot.scene, (*number, cloth.mesh), points, rest, surfaces))
     }
+}
+
+fn attempt(folder: &RunFolder) -> String {
+    folder.manifest.attempts.last().map_or(String::new(), |attempt| format!("{} {}", attempt.attempt, attempt.began))
 }
