@@ -212,14 +212,14 @@ def panel_in_blender(options):
 
 def page_of_a_run(options):
     """The page of `drapery view`: the dressed mannequin in the middle of a step, coloured by strain."""
-    scene, last = SAMPLES / "dressed_mannequin.toml", 1025
+    scene, frame = SAMPLES / "dressed_mannequin.toml", 1013
     out = options.work / "view"
-    run(command(options.drapery, scene, out, last, [f"assets={options.assets}"]))
+    run(command(options.drapery, scene, out, frame, [f"assets={options.assets}"]))
     with tempfile.TemporaryDirectory() as folder:
         page, picture = Path(folder) / "page.html", Path(folder) / "page.png"
         run([options.drapery, "view", str(out), "--page", str(page)])
-        choose = 'const chosen = setInterval(() => { if (!viewer.shown()) return; viewer.setMode("strain"); viewer.show(1013); clearInterval(chosen); }, 50);'
-        page.write_text(page.read_text().replace("</body>", f"<script>{choose}</script></body>"))
+        act = f'if (viewer.shown()) {{ clearInterval(wait); viewer.setMode("strain"); viewer.show({frame}); }}'
+        page.write_text(page.read_text().replace("</body>", f"<script>const wait = setInterval(() => {{ {act} }}, 50);</script></body>"))
         browser.photograph(page, picture, (1200, 800))
         with Image.open(picture) as whole:
             return whole.convert("RGB")
