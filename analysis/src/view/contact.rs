@@ -28,9 +28,17 @@ pub(super) struct Surface {
 }
 
 enum Form {
-    Mesh { positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, tree: Bvh },
+    Mesh {
+        positions: Vec<Vec3>,
+        triangles: Vec<[u32; 3]>,
+        tree: Bvh,
+    },
     /// An analytic shape, its motion, and the time [s].
-    Rigid { shape: Shape, motion: RigidMotion, time: f64 },
+    Rigid {
+        shape: Shape,
+        motion: RigidMotion,
+        time: f64,
+    },
 }
 
 impl Surface {

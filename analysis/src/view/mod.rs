@@ -41,6 +41,9 @@ pub enum ViewError {
     /// Nothing to write yet.
     #[error("{}: the run has written no frames yet\n  help: run the command again when `drapery status` counts some", .0.display())]
     NoFrames(PathBuf),
+    /// Something else would be lost.
+    #[error("{}: this file is there already, and is no page\n  help: give the page another name", .0.display())]
+    NoPage(PathBuf),
     /// A page with a single frame is too large.
     #[error(
         "a page with one frame of this run would take {} MB, more than the {} MB of a page\n  \

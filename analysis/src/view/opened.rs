@@ -238,9 +238,7 @@ impl Opened {
     /// Triangles of an object.
     pub(super) fn triangles(&self, object: usize) -> Result<Vec<u8>, ViewError> {
         match self.cloth.get(object) {
-            Some(cloth) => {
-                Ok(arrays::triangles(&self.garments[cloth.garment].cache.meshes[cloth.mesh].triangles))
-            }
+            Some(cloth) => Ok(arrays::triangles(&self.garments[cloth.garment].cache.meshes[cloth.mesh].triangles)),
             None => {
                 let first = self.frames.first().ok_or(ViewError::Unknown)?;
                 Ok(arrays::triangles(&self.body(object, *first)?.triangles))
@@ -257,10 +255,17 @@ impl Opened {
     }
 
     /// What is known of an object at a frame, as an array.
-    pub(super) fn field(&mut self, object: usize, frame: i64, field: Field, short: Precision) -> Result<Vec<u8>, ViewError> {
+    pub(super) fn field(
+        &mut self,
+        object: usize,
+        frame: i64,
+        field: Field,
+        short: Precision,
+    ) -> Result<Vec<u8>, ViewError> {
         let scalars = |values: &[f32]| arrays::numbers(&values.iter().map(|value| [*value]).collect::<Vec<_>>(), short);
         if field == Field::Points {
-            let points: Vec<[f32; 3]> = self.positions(object, frame)?.iter().map(|p| (*p).cast::<f32>().into()).collect();
+            let points: Vec<[f32; 3]> =
+                self.positions(object, frame)?.iter().map(|p| (*p).cast::<f32>().into()).collect();
             return Ok(arrays::numbers(&points, short));
         }
         if field == Field::Contact && self.last.as_ref().is_none_or(|(known, _)| *known != frame) {

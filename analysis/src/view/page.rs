@@ -2,6 +2,8 @@
 //! to everything that it will ask for.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use drapery_io::atomic_file;
@@ -79,9 +81,13 @@ pub struct Written {
 /// Writes a page with the frames of a run, every second or third of them where they would be more than [`LARGEST_PAGE`].
 ///
 /// # Errors
-/// The run cannot be read, has no frames, one frame is too large, the build has no library, or the file cannot be written.
+/// The run cannot be read, has no frames, one frame is too large, the build has no library, the file is there and is no page, or cannot be
+/// written.
 pub fn write_page(folder: &Path, file: &Path) -> Result<Written, ViewError> {
     let viewer = Viewer::new(folder)?;
+    if is_something_else(file) {
+        return Err(ViewError::NoPage(file.to_owned()));
+    }
     let mut state = viewer.state()?;
     let all = std::mem::take(&mut state.frames);
     if all.is_empty() {
@@ -110,6 +116,14 @@ pub fn write_page(folder: &Path, file: &Path) -> Result<Written, ViewError> {
     let page = page_with(&run.to_string())?;
     atomic_file::replace(file, page.as_bytes())?;
     Ok(Written { frames, of: all.len(), bytes: page.len() })
+}
+
+/// Whether a file is there that is no page, which may be replaced.
+fn is_something_else(file: &Path) -> bool {
+    let start = MARKUP.lines().next().unwrap_or_default().as_bytes();
+    let mut found = vec![0; start.len()];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut found));
+    file.exists() && (read.is_err() || found != start)
 }
 
 /// Arrays that go into a page, equal ones once.

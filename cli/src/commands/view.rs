@@ -38,14 +38,17 @@ pub(crate) fn view(args: &ViewArgs) -> Result<ExitCode, Failure> {
     if !args.no_browser && !(has_screen() && open::that_detached(&address).is_ok()) {
         say::line("no browser could be opened here; open the address in one on this machine");
     }
-    server.join().map_err(|error| Failure::new(ExitCode::Io, format!("the page cannot be served any more: {error}")))?;
+    server
+        .join()
+        .map_err(|error| Failure::new(ExitCode::Io, format!("the page cannot be served any more: {error}")))?;
     Ok(ExitCode::Done)
 }
 
 fn write(folder: &Path, file: &Path) -> Result<ExitCode, Failure> {
     let written = view::write_page(folder, file)?;
     let (frames, megabytes) = (written.frames, written.bytes as f64 / 1e6);
-    let of = if written.of > frames { format!("{frames} of {} frames", written.of) } else { format!("{frames} frames") };
+    let of =
+        if written.of > frames { format!("{frames} of {} frames", written.of) } else { format!("{frames} frames") };
     say::line(format_args!("wrote {}: {of}, {megabytes:.1} MB", file.display()));
     Ok(ExitCode::Done)
 }
@@ -76,7 +79,10 @@ fn serve(viewer: &Arc<Viewer>, page: &Arc<str>, asked: Option<u16>) -> Result<(L
         Some(port) => format!("port {port} is in use"),
         None => format!("ports {} to {} are in use", ports.start(), ports.end()),
     };
-    Err(Failure::new(ExitCode::CannotCreate, format!("{which}\n  help: give another port with --port, or leave it out")))
+    Err(Failure::new(
+        ExitCode::CannotCreate,
+        format!("{which}\n  help: give another port with --port, or leave it out"),
+    ))
 }
 
 fn answer(viewer: &Viewer, page: &str, port: u16, request: &Request<Body>) -> Response<Body> {
@@ -115,6 +121,7 @@ impl From<ViewError> for Failure {
             ViewError::Run(error) => error.into(),
             ViewError::Unknown => Self::new(FaultKind::Internal.into(), error.to_string()),
             ViewError::NoLibrary | ViewError::TooLarge(_) => Self::new(ExitCode::Usage, error.to_string()),
+            ViewError::NoPage(_) => Self::new(ExitCode::CannotCreate, error.to_string()),
             ViewError::NoFrames(_) => Self::new(FaultKind::MissingInput.into(), error.to_string()),
         }
     }

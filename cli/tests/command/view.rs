@@ -154,11 +154,14 @@ fn a_run_that_is_deleted_is_named_and_shown_again_when_it_is_back() {
 #[test]
 fn nobody_but_this_machine_reads_a_run_and_nothing_is_written() {
     let Some(folder) = after_a_run() else { return };
-    let before: Vec<_> = std::fs::read_dir(folder.path().join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let before: Vec<_> =
+        std::fs::read_dir(folder.path().join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
     let served = Served::start(folder.path());
     assert_eq!(served.ask("GET /run.json", "elsewhere.example:80").0, 403);
     assert_eq!(served.ask("POST /run.json", &format!("localhost:{}", served.port)).0, 405);
-    for path in ["../scene.toml", "manifest.json", "object/7/triangles", "object/0/frame/9999/mass", "object/-1/triangles"] {
+    for path in
+        ["../scene.toml", "manifest.json", "object/7/triangles", "object/0/frame/9999/mass", "object/-1/triangles"]
+    {
         assert_eq!(served.get(path).0, 404, "{path}");
     }
     let (status, body) = served.get("object/0/frame/9999/points");
@@ -173,6 +176,15 @@ fn a_written_page_holds_the_run_and_says_how_large_it_is() {
     let written = drapery(folder.path(), &["view", "out", "--page", "page.html"]);
     assert_eq!(written.code, Some(0), "{}", written.stderr);
     assert!(written.stdout.starts_with("wrote page.html: 4 frames, "), "{}", written.stdout);
+    // A page is replaced, and nothing else.
+    assert_eq!(drapery(folder.path(), &["view", "out", "--page", "page.html"]).code, Some(0));
+    let refused = drapery(folder.path(), &["view", "out", "--page", "scene.toml"]);
+    assert!(
+        refused.code == Some(73) && refused.stderr.contains("scene.toml: this file is there"),
+        "{}",
+        refused.stderr
+    );
+    assert_eq!(std::fs::read_to_string(folder.path().join("scene.toml")).expect("the scene"), SHEET);
     let page = std::fs::read_to_string(folder.path().join("page.html")).expect("a page");
     assert!(page.len() < LARGEST_PAGE);
     let run = page.split("id=\"run\">").nth(1).and_then(|rest| rest.split("</script>").next()).expect("a run");
@@ -200,5 +212,9 @@ fn folders_without_a_run_or_frames_and_ports_in_use_are_named() {
     std::fs::remove_file(folder.path().join("out/sheet.abc")).expect("a cache");
     let refused = drapery(folder.path(), &["view", "out", "--page", "page.html"]);
     assert_eq!(refused.code, Some(66), "{}", refused.stderr);
-    assert!(refused.stderr.contains("no frames yet") && !folder.path().join("page.html").exists(), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("no frames yet") && !folder.path().join("page.html").exists(),
+        "{}",
+        refused.stderr
+    );
 }
