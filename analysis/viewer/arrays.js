@@ -38,7 +38,7 @@ async function ask(path) {
     try {
         answer = await fetch(path, { cache: "no-store" });
     } catch {
-        throw new NoAnswer("drapery view has ended, or this page cannot reach it. Start it again to go on.", true);
+        throw new NoAnswer("drapery view has ended, or this page cannot reach it. Start it again.", true);
     }
     if (!answer.ok) throw new NoAnswer(await answer.text(), false);
     return answer;

@@ -1,4 +1,4 @@
-// The page: what is shown of which frame, controls, and the run that goes on.
+// The page: what is shown of which frame, controls, and a run in progress.
 
 const part = (id) => document.getElementById(id);
 

@@ -103,7 +103,7 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Write an HTML report of a run: time, strain, contacts, degradations, pictures
     Report(ReportArgs),
-    /// Show a run in the browser while it goes on or later: turntable, strain, thickness, contact; reads only
+    /// Show a run in the browser, in progress or done: turntable, strain, thickness, contact; reads only
     View(ViewArgs),
     /// Measure the cost of accuracy: run a scene with many settings, compare errors and times, and recommend one
     Study(StudyArgs),
@@ -335,7 +335,7 @@ pub(crate) struct StatusArgs {
 
 /// Arguments of `view`.
 ///
-/// The page is for this machine alone (127.0.0.1), and is served until Ctrl-C. It follows a run that goes on.
+/// The page is for this machine alone (127.0.0.1), and is served until Ctrl-C. It follows a run in progress.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
     /// Folder of the run

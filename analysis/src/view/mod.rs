@@ -1,7 +1,7 @@
 //! The cloth of a run in three dimensions, for `drapery view`: a page, and the answers to what it asks for, one array at a time, so
 //! that neither the program nor the page holds more of a run than it shows. [`write_page`] writes a page that holds frames itself.
 //!
-//! Files of the run are only read. They may change at any time: a run goes on, starts over, or is deleted.
+//! Files of the run are only read. They may change at any time: a run continues, starts over, or is deleted.
 
 mod arrays;
 mod contact;
