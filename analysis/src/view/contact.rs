@@ -172,7 +172,7 @@ mod tests {
         assert!(at(&scene, &sheet(0.0).0, &[garment(1, sheet(0.0041))]).iter().all(|share| share.is_nan()));
         let mut rule = ContactRule::new([ContactSide::Garment(0), ContactSide::Garment(1)]);
         rule.thickness = Some(0.004);
-        scene.contacts = vec![rule.clone()];
+        scene.contacts = vec![rule];
         assert!(at(&scene, &sheet(0.0).0, &surfaces()).iter().all(|share| (share - 0.75).abs() < 1e-5));
         scene.contacts = vec![ContactRule { ignore: true, thickness: None, ..rule }];
         assert!(at(&scene, &sheet(0.0).0, &surfaces()).iter().all(|share| share.is_nan()));

@@ -35,7 +35,8 @@ pub(crate) fn view(args: &ViewArgs) -> Result<ExitCode, Failure> {
     let (server, port) = serve(&viewer, &page, args.port)?;
     let address = format!("http://{}:{port}/", Ipv4Addr::LOCALHOST);
     say::line(format_args!("{address} shows {}; Ctrl-C ends it", args.folder.display()));
-    if !args.no_browser && !(has_screen() && open::that_detached(&address).is_ok()) {
+    let is_open = args.no_browser || has_screen() && open::that_detached(&address).is_ok();
+    if !is_open {
         say::line("no browser could be opened here; open the address in one on this machine");
     }
     server
