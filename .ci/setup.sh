@@ -14,6 +14,8 @@ command -v cargo >/dev/null || {
 # for the book, then what Blender's module links to even when it draws no window.
 packages=(gcc g++ libc6-dev pkg-config libhdf5-dev libopenmpi-dev libclang-dev openmpi-bin iproute2 valgrind blender xvfb xauth chromium
     libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 libxkbcommon0 libxrender1)
+# What fetches the library of the page of `drapery view`; it may come from elsewhere than Debian.
+command -v npm >/dev/null || packages+=(npm)
 
 # Any python3.11 that can make an environment will do, Debian's own or another.
 python=""
@@ -54,6 +56,8 @@ fi
     echo "setup: Python 3.11 is missing (Blender's module accepts no other); install it and run the command again" >&2
     exit 1
 }
+
+analysis/viewer/library/build.sh
 
 requirements=tests/oracle/requirements.txt
 if ! cmp -s "$requirements" .venv/installed.txt; then

@@ -28,6 +28,12 @@ mkdir -p "$target/dist-parts"
 "$about" generate --config packaging/licences.toml --manifest-path plugins/python/Cargo.toml --features usd,static-hdf5 --locked --fail \
     --output-file "$licences" packaging/licences.hbs
 grep -q 'HDF5 (Hierarchical Data Format 5)' "$licences" || { echo "dist: the licence of HDF5 is missing" >&2; exit 1; }
+# The library of the page of `drapery view` is no crate; its licence stands at its beginning.
+{
+    printf '\n================================================================================\n'
+    sed -n '/^\/\*!$/,/^\*\/$/p' analysis/viewer/library/three.js | sed '1d;$d'
+} >>"$licences"
+grep -q 'three.js authors' "$licences" || { echo "dist: the licence of three.js is missing" >&2; exit 1; }
 # The wheel carries them, and those of Drapery, in its package for as long as it is built.
 mkdir -p "$inside"
 cp LICENSE-MIT LICENSE-APACHE "$licences" "$inside/"

@@ -35,7 +35,7 @@ alone command/bin/drapery
 alone command/bin/drapery-assets
 [ -s command/share/man/man1/drapery.1 ] && [ -s command/share/man/man1/drapery-run.1 ] || fail "man pages are missing"
 [ -s command/share/bash-completion/completions/drapery.bash ] || fail "completions are missing"
-grep -q 'HDF5' command/THIRD_PARTY.txt || fail "licences are missing"
+grep -q 'HDF5' command/THIRD_PARTY.txt && grep -q 'three.js' command/THIRD_PARTY.txt || fail "licences are missing"
 # A root of its own, where the system allows it.
 mkdir -p root/tmp
 cp -r command root/drapery
@@ -52,6 +52,7 @@ sound() {
     grep -q 'all rules are met' log || fail "$1 is not sound: $(cat log)"
 }
 sound /out/sheet.abc
+try /drapery/bin/drapery view /out --page /out/page.html
 try /drapery/bin/drapery-assets mannequin --out /assets
 try /drapery/bin/drapery run /drapery/scenes/dressed_mannequin.toml --frames 1001-1002 --set assets=/assets \
     --set 'output.format=["abc", "h5", "usd"]' --out /demo

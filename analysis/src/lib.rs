@@ -1,6 +1,6 @@
 //! Analysis of results: the cost of accuracy ([`study`]), the course of a run ([`report`]), whether two results are
-//! the same ([`diff`]), whether ranks and threads come to the same bits ([`bits`]), and whether caches are sound
-//! ([`verify`]). Nothing here is needed to simulate a shot, and nothing that simulates or writes knows of it. The
+//! the same ([`diff`]), whether ranks and threads come to the same bits ([`bits`]), whether caches are sound
+//! ([`verify`]), and the cloth of a run to look at ([`view`]). Nothing here is needed to simulate a shot, and nothing that simulates or writes knows of it. The
 //! library never prints.
 //!
 //! ```
@@ -13,9 +13,11 @@ pub mod bits;
 pub mod comparison;
 mod contact_sheet;
 pub mod diff;
+pub(crate) mod drawn;
 mod local_run;
 pub(crate) mod page;
 pub mod report;
 pub mod study;
 pub mod verify;
+pub mod view;
 pub mod wedge;

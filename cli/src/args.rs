@@ -110,6 +110,8 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Write an HTML report of a run: time, strain, contacts, degradations, pictures; of several runs, all side by side
     Report(ReportArgs),
+    /// Show a run in the browser, in progress or done: turntable, strain, thickness, contact; reads only
+    View(ViewArgs),
     /// Measure the cost of accuracy: run a scene with many settings, compare errors and times, and recommend one
     Study(StudyArgs),
     /// Run every combination of some values of a scene (materials, friction, …), with one contact sheet and one table of all
@@ -338,6 +340,26 @@ pub(crate) struct StatusArgs {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Arguments of `view`.
+///
+/// The page is for this machine alone (127.0.0.1), and is served until Ctrl-C. It follows a run in progress.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// Port of the page [default: the first free one from 8017 on]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) port: Option<u16>,
+    /// Print the address, and open no browser
+    #[arg(long)]
+    pub(crate) no_browser: bool,
+    /// Write a page with the frames inside, which needs neither the run nor this program, and end; up to 18 MB: longer runs with every
+    /// second or third frame
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "no_browser"])]
+    pub(crate) page: Option<PathBuf>,
 }
 
 /// Arguments of `stop`.

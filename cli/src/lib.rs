@@ -188,6 +188,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Stop(args) => commands::stop::stop(args),
         Command::Diff(args) => commands::diff::diff(args),
         Command::Report(args) => commands::report::report(args),
+        Command::View(args) => commands::view::view(args),
         Command::Study(args) => commands::study::study(args, ranks, &around()?, cli.log.quiet),
         Command::Wedge(args) => commands::wedge::wedge(args, ranks, &around()?, cli.log.quiet),
         Command::Schema => commands::schema::schema(),

@@ -27,6 +27,7 @@ ELSEWHERE = {
     "blender": ["tests/oracle/test_blender_addon.py", "tests/oracle/test_blender_artist.py", "tests/oracle/test_blender_installs.py",
                 "tests/oracle/test_blender_texts.py", "tests/oracle/test_blender_window.py"],
     "from_python": ["plugins/python/tests/test_analysis.py"],
+    "view": ["tests/oracle/test_view.py", "cli/tests/command/view.rs"],
     # The tour runs the page's two runs of the flag and compares them; then longer runs, on more processes, stopped and lost.
     "two_machines": ["tests/tour/main.rs", "tests/oracle/test_mpi_runs.py", "tests/oracle/test_lost_rank.py"],
     "wedge": ["tests/oracle/test_wedge.py"],

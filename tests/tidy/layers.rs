@@ -109,7 +109,7 @@ const SHOT_ROOMS: [&str; 24] = [
 ];
 
 /// The rooms of what is said of results.
-const ANALYSIS_ROOMS: [&str; 7] = ["page", "local_run", "bits", "verify", "diff", "report", "study"];
+const ANALYSIS_ROOMS: [&str; 9] = ["page", "drawn", "local_run", "bits", "verify", "diff", "report", "view", "study"];
 
 /// A crate whose rooms are held.
 struct Held {

@@ -224,3 +224,18 @@ def panel_in_blender(options):
     both.paste(halves[0], (0, 0))
     both.paste(halves[1], (halves[0].width + 12, 0))
     return both.resize((round(1.5 * both.width), round(1.5 * both.height)), Image.Resampling.LANCZOS)
+
+
+def page_of_a_run(options):
+    """The page of `drapery view`: the dressed mannequin in the middle of a step, coloured by strain."""
+    scene, frame = SAMPLES / "dressed_mannequin.toml", 1013
+    out = options.work / "view"
+    run(command(options.drapery, scene, out, frame, [f"assets={options.assets}"]))
+    with tempfile.TemporaryDirectory() as folder:
+        page, picture = Path(folder) / "page.html", Path(folder) / "page.png"
+        run([options.drapery, "view", str(out), "--page", str(page)])
+        act = f'if (viewer.shown()) {{ clearInterval(wait); viewer.setMode("strain"); viewer.show({frame}); }}'
+        page.write_text(page.read_text().replace("</body>", f"<script>const wait = setInterval(() => {{ {act} }}, 50);</script></body>"))
+        browser.photograph(page, picture, (1200, 800))
+        with Image.open(picture) as whole:
+            return whole.convert("RGB")

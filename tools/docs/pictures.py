@@ -146,6 +146,7 @@ OTHERS = {
     "from_python": plots.plot_of_the_python_page,
     "two_machines": plots.two_processes,
     "farm": plots.stopped_and_resumed,
+    "view": plots.page_of_a_run,
     "wedge": plots.page_of_a_wedge,
 }
 NAMES = [*SHOTS, *OTHERS]
@@ -195,6 +196,7 @@ def main():
         if name in SHOTS:
             render_shots(options, name)
         elif name in OTHERS:
+            make_assets(options)
             studio.save(OTHERS[name](options), file_of(name))
             report(file_of(name))
         elif name == "demo":

@@ -1,19 +1,18 @@
 //! Contact sheets: pictures of a few frames of runs, drawn from their caches, all from one camera.
 
-mod base64;
-mod bodies;
 mod raster;
 
 use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
-use drapery_io::cache_frames::{CacheFrames, CacheMesh};
+use drapery_io::shot_description::ShotDescription;
 use drapery_shot::run_record::folder::RunFolder;
-use drapery_shot::run_record::manifest::ManifestGarment;
 
+use crate::drawn::bodies::{self, BodyMesh};
+use crate::drawn::cloth::{self, COLOURS, Garment, simulated};
+use crate::drawn::scene;
+use crate::page::base64::encode;
 use crate::page::text::escape;
-use base64::encode;
-use bodies::{Bodies, BodyMesh};
 use raster::{Picture, Surface, View, render};
 
 /// Most frames on the sheet of one run.
@@ -31,32 +30,17 @@ const BUDGET: usize = 1_200_000;
 /// Bodies larger than this many times the cloth are scenery: the picture does not have to hold them.
 const SCENERY: f64 = 2.5;
 
-/// Colours of garments: red, green and blue.
-const GARMENTS: [[f64; 3]; 6] = [
-    [86.0, 148.0, 226.0],
-    [228.0, 158.0, 66.0],
-    [88.0, 190.0, 150.0],
-    [214.0, 122.0, 160.0],
-    [150.0, 134.0, 226.0],
-    [202.0, 190.0, 92.0],
-];
-
 /// Colour of bodies.
 const BODY: [f64; 3] = [176.0, 174.0, 168.0];
 
 /// Colour of the ground.
 const GROUND: [f64; 3] = [172.0, 171.0, 166.0];
 
-/// A garment and its colour.
-struct Garment {
-    cache: CacheFrames,
-    colour: [f64; 3],
-}
-
 /// Garments and bodies of a run.
 struct Cast {
     garments: Vec<Garment>,
-    bodies: Option<Bodies>,
+    /// The scene with its bodies, where it can still be read.
+    shot: Option<ShotDescription>,
 }
 
 /// Positions of a run at one frame [m].
@@ -118,52 +102,39 @@ pub(crate) fn of_runs(runs: &[(String, RunFolder)]) -> String {
 
 /// Colours of the garments of a run, and of bodies.
 fn legend(folder: &RunFolder) -> String {
-    let keys = simulated(folder).zip(GARMENTS.iter().cycle()).map(|(garment, [r, g, b])| {
+    let keys = simulated(folder).zip(COLOURS.iter().cycle()).map(|(garment, [r, g, b])| {
         format!("<li><i style=\"background:rgb({r},{g},{b})\"></i>{}</li>", escape(&garment.name))
     });
     let keys: String = keys.collect();
     format!("<ul class=\"legend\">{keys}<li><i class=\"body\"></i>bodies</li></ul>")
 }
 
-/// The garments, without render meshes, which would hide them.
-fn simulated(folder: &RunFolder) -> impl Iterator<Item = &ManifestGarment> {
-    folder.manifest.garments.iter().filter(|garment| garment.render_mesh_of.is_none())
-}
-
 impl Cast {
-    /// Opens the first cache of each garment that can be read.
+    /// Opens the caches of a run. Those that cannot be read have no pictures; `drapery verify` says why.
     fn of(folder: &RunFolder) -> Self {
-        let listed = simulated(folder).zip(GARMENTS.iter().cycle());
-        let open = |(garment, colour): (&ManifestGarment, &[f64; 3])| {
-            let paths = garment.files.iter().filter_map(|name| folder.cache(name));
-            let cache = paths.filter_map(|path| CacheFrames::open(&path).ok()).next()?;
-            Some(Garment { cache, colour: *colour })
-        };
-        Self { garments: listed.filter_map(open).collect(), bodies: Bodies::of(folder) }
+        let garments = cloth::garments(folder).into_iter().filter_map(Result::ok).collect();
+        Self { garments, shot: scene(folder).ok() }
     }
 
     /// Frames that every garment has.
     fn frames(&self) -> Vec<i64> {
-        let mut meshes = self.garments.iter().flat_map(|garment| &garment.cache.meshes);
-        let Some(first) = meshes.next() else { return Vec::new() };
-        let mut frames = first.frames.clone();
-        for mesh in meshes {
-            frames.retain(|frame| mesh.frames.binary_search(frame).is_ok());
-        }
-        frames
+        cloth::common_frames(&self.garments)
     }
 
     /// The cloth at a frame; `None` if it cannot be read.
     fn pose(&self, frame: i64) -> Option<Pose> {
-        let positions = |garment: &Garment| -> Option<Vec<Vec<Vec3>>> {
-            let read = |(index, mesh): (usize, &CacheMesh)| {
-                let sample = mesh.frames.binary_search(&frame).ok()?;
-                garment.cache.positions(index, sample).ok()
-            };
-            garment.cache.meshes.iter().enumerate().map(read).collect()
-        };
-        let cloth: Vec<Vec<Vec<Vec3>>> = self.garments.iter().map(positions).collect::<Option<_>>()?;
+        let cloth: Vec<Vec<Vec<Vec3>>> =
+            self.garments.iter().map(|garment| garment.positions(frame).ok()).collect::<Option<_>>()?;
         (!cloth.is_empty()).then_some(Pose { cloth, bodies: Vec::new() })
+    }
+
+    /// All bodies at a frame; those that cannot be read are left out. `around` are middle and size of the cloth [m].
+    fn bodies(&self, frame: i64, around: (Vec3, f64)) -> Vec<BodyMesh> {
+        let of_shot = |shot: &ShotDescription| {
+            let bodies = 0..shot.scene.bodies.len();
+            bodies.filter_map(|body| bodies::at(shot, body, frame, around).ok().flatten()).collect()
+        };
+        self.shot.as_ref().map_or(Vec::new(), of_shot)
     }
 
     fn picture(&self, pose: &Pose, view: &View) -> Option<Png> {
@@ -171,7 +142,7 @@ impl Cast {
             garment.cache.meshes.iter().zip(meshes).map(|(mesh, positions)| Surface {
                 positions,
                 triangles: &mesh.triangles,
-                colour: garment.colour,
+                colour: garment.colour.map(f64::from),
                 solid: false,
             })
         });
@@ -200,9 +171,8 @@ fn draw(casts: &[Cast], frames: &[i64]) -> Vec<Vec<Option<Png>>> {
     let mut points: Vec<Vec3> = cloth.filter(|p| p.iter().all(|x| x.is_finite())).copied().collect();
     let subject = View::fitting(&points, WIDTH).subject();
     for (cast, poses) in casts.iter().zip(&mut poses) {
-        let Some(bodies) = &cast.bodies else { continue };
         for (frame, pose) in frames.iter().zip(poses) {
-            pose.iter_mut().for_each(|pose| pose.bodies = bodies.at(*frame, subject));
+            pose.iter_mut().for_each(|pose| pose.bodies = cast.bodies(*frame, subject));
         }
     }
     let near = |p: &Vec3| (*p - subject.0).norm() < SCENERY * subject.1;

@@ -2,6 +2,7 @@
 //! font, no picture from elsewhere. Charts are SVG whose colours follow the reader's light or dark style.
 
 pub(crate) mod axis;
+pub(crate) mod base64;
 pub(crate) mod plot;
 pub(crate) mod table;
 pub(crate) mod text;

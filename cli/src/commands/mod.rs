@@ -14,4 +14,5 @@ pub(crate) mod status;
 pub(crate) mod stop;
 pub(crate) mod study;
 pub(crate) mod verify;
+pub(crate) mod view;
 pub(crate) mod wedge;

@@ -12,6 +12,7 @@ mod run;
 mod site;
 mod stop;
 mod study;
+mod view;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -1,13 +1,10 @@
-//! The bodies of a run: their shapes stand in the resolved scene, and their motion there or in
-//! the files that it names.
+//! The bodies of a run: their shapes stand in the resolved scene, and their motion there or in the files that it names.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyShape, RigidMotion};
-use drapery_io::scene_file;
+use drapery_io::error::IoError;
 use drapery_io::shot_description::ShotDescription;
-use drapery_shot::run_record::RESOLVED;
-use drapery_shot::run_record::folder::RunFolder;
 use nalgebra::UnitQuaternion;
 
 /// Segments around a round shape.
@@ -18,55 +15,47 @@ const RINGS: u32 = 24;
 
 /// A body at one frame.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct BodyMesh {
+pub(crate) struct BodyMesh {
     /// Positions [m].
-    pub(super) positions: Vec<Vec3>,
+    pub(crate) positions: Vec<Vec3>,
     /// Triangles, counter-clockwise seen from outside.
-    pub(super) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// Whether it has no end: it is drawn around the cloth, and does not belong to what the picture has to hold.
-    pub(super) is_ground: bool,
+    pub(crate) is_ground: bool,
 }
 
-/// The bodies of a run.
-#[derive(Debug)]
-pub(super) struct Bodies {
-    shot: ShotDescription,
-}
-
-impl Bodies {
-    /// Reads the scene of a run; `None` when it cannot be read any more, such as without its input files.
-    pub(super) fn of(folder: &RunFolder) -> Option<Self> {
-        let scene = scene_file::load(&folder.path.join(RESOLVED), &[]).ok()?;
-        Some(Self { shot: scene.resolve().ok()? })
-    }
-
-    /// All bodies at a frame; `around` are middle and size of the cloth [m]. Those that cannot be read are left out.
-    pub(super) fn at(&self, frame: i64, around: (Vec3, f64)) -> Vec<BodyMesh> {
-        let timeline = self.shot.scene.timeline;
-        let mut meshes = Vec::new();
-        for (body, motion) in self.shot.scene.bodies.iter().zip(&self.shot.bodies) {
-            meshes.extend(match (&body.shape, motion) {
-                (BodyShape::Rigid(shape), _) => Some(rigid(shape, &body.motion, timeline.time(frame), around)),
-                (BodyShape::Surface { triangles, .. }, Some(motion)) => {
-                    let samples = motion.samples(timeline, self.shot.preroll, frame).ok();
-                    samples.and_then(|mut samples| samples.pop()).map(|sample| BodyMesh {
-                        positions: sample.positions,
-                        triangles: triangles.clone(),
-                        is_ground: false,
-                    })
-                }
-                (BodyShape::Surface { .. }, None) => None,
-            });
+/// A body at a frame; `around` are middle and size of the cloth [m], for bodies that have no end.
+///
+/// # Errors
+/// The file of its motion cannot be read.
+pub(crate) fn at(
+    shot: &ShotDescription,
+    body: usize,
+    frame: i64,
+    around: (Vec3, f64),
+) -> Result<Option<BodyMesh>, IoError> {
+    let timeline = shot.scene.timeline;
+    let described = &shot.scene.bodies[body];
+    match (&described.shape, shot.bodies.get(body).and_then(Option::as_ref)) {
+        (BodyShape::Rigid(shape), _) => Ok(Some(rigid(shape, &described.motion, timeline.time(frame), around))),
+        (BodyShape::Surface { triangles, .. }, Some(motion)) => {
+            let sample = motion.samples(timeline, shot.preroll, frame)?.pop();
+            let mesh = |positions| BodyMesh { positions, triangles: triangles.clone(), is_ground: false };
+            Ok(sample.map(|sample| mesh(sample.positions)))
         }
-        meshes
+        (BodyShape::Surface { .. }, None) => Ok(None),
     }
+}
+
+/// Rotation and origin [m] of a rigid motion at a time [s].
+pub(crate) fn placement(motion: &RigidMotion, time: f64) -> (UnitQuaternion<f64>, Vec3) {
+    let turn = motion.angular_velocity * (time - motion.spin_start).max(0.0);
+    (UnitQuaternion::from_scaled_axis(turn) * motion.rotation, place(&motion.path, time))
 }
 
 /// An analytic shape where its motion has brought it.
 fn rigid(shape: &Shape, motion: &RigidMotion, time: f64, around: (Vec3, f64)) -> BodyMesh {
-    let turn = motion.angular_velocity * (time - motion.spin_start).max(0.0);
-    let rotation = UnitQuaternion::from_scaled_axis(turn) * motion.rotation;
-    let origin = place(&motion.path, time);
+    let (rotation, origin) = placement(motion, time);
     let (local, triangles) = match *shape {
         Shape::HalfSpace => ground(rotation.inverse() * (around.0 - origin), around.1),
         Shape::Sphere { radius } => round(0.0, |angle| [radius * angle.sin(), radius * angle.cos()]),
