@@ -149,13 +149,9 @@ fn blown_up() -> SceneDescription {
 fn sewn() -> SceneDescription {
     let mut description = hanging_with(EffectRequest::of_scene("seams"));
     description.seams.push(SeamDescription {
-        garments: [0, 0],
-        pairs: vec![[42, 48]],
-        from: 0.0,
         until: 0.2,
         rest_gap: Some(0.0),
-        stiffness: 50.0,
-        damping_ratio: 1.0,
+        ..SeamDescription::new([0, 0], vec![[42, 48]], 50.0)
     });
     description
 }

@@ -36,7 +36,7 @@ ELSEWHERE = {
 # Scenes that pages quote: the page, the scene and the number of the block.
 QUOTED = [
     ("cape", f"{HOWTO}/cape.toml", 0), ("trousers", f"{HOWTO}/trousers.toml", 0), ("flag", f"{SAMPLES}/flag.toml", 0),
-    ("painted_maps", f"{HOWTO}/painted_maps.toml", 0), ("over_time", f"{HOWTO}/over_time.toml", 0), ("seams_cushion", f"{SAMPLES}/sewn_tube.toml", 0),
+    ("painted_maps", f"{HOWTO}/painted_maps.toml", 0), ("over_time", f"{HOWTO}/over_time.toml", 0), ("closures", f"{HOWTO}/closures.toml", 0), ("seams_cushion", f"{SAMPLES}/sewn_tube.toml", 0),
     ("seams_cushion", f"{SAMPLES}/pillow.toml", 1), ("seams_cushion", f"{SAMPLES}/cushion.toml", 2),
 ]  # fmt: skip
 

@@ -355,3 +355,27 @@ def test_legs_and_shirt_stay_apart_and_outside_the_body(trousers, report_figure)
     assert_outside(trousers, ["trousers", "tshirt"], report_figure)
     # The page says that both are counted.
     assert all({"body_squeezed", "body_pinched"} <= record["counts"].keys() for record in trousers.records.values())
+
+
+# ---- closures
+
+
+def test_a_zip_opens_from_the_top_and_the_button_holds_longer(run_howto, report_figure):
+    """Gaps between the two edges, from the hem up."""
+    run = run_howto(f"{HOWTO}/closures.toml", resolution=12)
+    sides = {garment: run.positions(garment) for garment in ("left", "right")}
+    # Edges that face each other at the start of the shot, by height.
+    start = {garment: x[0] for garment, x in sides.items()}
+    edges = {}
+    for garment, x in start.items():
+        near = np.argsort(np.abs(x[:, 0]), kind="stable")[:13]
+        edges[garment] = near[np.argsort(x[near, 1], kind="stable")]
+    gaps = {frame: np.linalg.norm(sides["left"][place][edges["left"]] - sides["right"][place][edges["right"]], axis=1)
+            for place, frame in enumerate(run.numbers("left"))}  # fmt: skip
+    # Frame 48 is two thirds of the way; the uppermost pair is no part of the zip. Closed pairs are a thickness apart.
+    lower, upper = gaps[48][:4], gaps[48][6:12]
+    report_figure(f"gaps at frame 48: below {1e3 * lower.max():.1f} mm, above {1e3 * upper.max():.1f} mm")
+    assert gaps[0][:12].max() < 1e-3 and gaps[24][:12].max() < 1e-3
+    assert lower.max() < 1e-3 and np.all(np.diff(gaps[48][4:12]) > 0) and upper.min() > 5e-3
+    assert gaps[72][0] < 1e-3 and gaps[72][1:12].min() > 0.03
+    assert gaps[96][:12].min() > 0.1

@@ -382,16 +382,15 @@ fn a_seam_between_two_garments_and_one_across_a_garment() {
     description.garments.push(small);
     description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
     let seam = |garments, pairs: Vec<[u32; 2]>| SeamDescription {
-        garments,
-        pairs,
         from: 0.005,
         until: 0.03,
         rest_gap: Some(0.001),
-        stiffness: 50.0,
         damping_ratio: 0.5,
+        ..SeamDescription::new(garments, pairs, 50.0)
     };
     description.seams.push(seam([0, 1], (0..=60).map(|k| [80 + 81 * (k + 10), 41 * k]).collect()));
-    description.seams.push(seam([0, 0], (0..=80).map(|k| [81 * k, 81 * k + 70]).collect()));
+    let across = seam([0, 0], (0..=80).map(|k| [81 * k, 81 * k + 70]).collect());
+    description.seams.push(SeamDescription { zip: true, opens: Some(0.03), opened: Some(0.036), ..across });
     description.effects.push(EffectRequest::of_scene("seams"));
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

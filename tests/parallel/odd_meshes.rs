@@ -138,15 +138,7 @@ fn everything(without: &[&str]) -> SceneDescription {
     add_garment(&mut description, "heap", heap(600), without);
     // Two vertices of one triangle, and a piece with itself.
     for (garments, pairs) in [([0, 0], vec![[1, 2]]), ([3, 3], vec![[2, 4], [3, 5]])] {
-        description.seams.push(SeamDescription {
-            garments,
-            pairs,
-            from: 0.0,
-            until: 0.01,
-            rest_gap: None,
-            stiffness: 20.0,
-            damping_ratio: 1.0,
-        });
+        description.seams.push(SeamDescription { until: 0.01, ..SeamDescription::new(garments, pairs, 20.0) });
     }
     for effect in ["seams", "attachments", "pins", "self_repulsion", "self_collision"] {
         description.effects.push(EffectRequest::of_scene(effect));

@@ -1,7 +1,10 @@
 //! Seams: how they close, and what they keep.
 
 use drapery_core::Vec3;
-use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, SeamDescription};
+use drapery_core::scene::{
+    EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
+    SeamDescription,
+};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 
@@ -23,13 +26,10 @@ fn two_sheets(gap: f64, rest_gap: Option<f64>) -> SceneDescription {
     }
     let edge = |column: usize| (0..=CELLS).map(move |row| (column + 7 * row) as u32);
     description.seams.push(SeamDescription {
-        garments: [0, 1],
-        pairs: edge(6).zip(edge(0)).map(|(a, b)| [a, b]).collect(),
         from: 0.1,
         until: 0.5,
         rest_gap,
-        stiffness: 400.0,
-        damping_ratio: 1.0,
+        ..SeamDescription::new([0, 1], edge(6).zip(edge(0)).map(|(a, b)| [a, b]).collect(), 400.0)
     });
     description.effects.push(EffectRequest::of_scene("seams"));
     description
@@ -104,4 +104,89 @@ fn seams_of_vertices_that_do_not_exist_are_refused_by_number() {
     assert!(refusal(|seam| seam.garments[1] = 2).contains("garment"));
     assert!(refusal(|seam| seam.stiffness = f64::NAN).contains("stiffness"));
     assert!(refusal(|seam| (seam.garments, seam.pairs[0]) = ([0, 0], [3, 3])).contains("itself"));
+}
+
+/// The right sheet hangs from the left one, whose vertices are all held, by a seam that is closed from the start.
+fn hanging_by_a_seam(integrator: Integrator) -> SceneDescription {
+    let mut description = two_sheets(0.002, Some(0.002));
+    set_steps_of_a_frame(&mut description, integrator, 4);
+    description.seams[0].from = 0.0;
+    description.seams[0].until = 0.0;
+    let vertices = 0..7 * (CELLS as u32 + 1);
+    let target = PinTarget::Path { anchor: PinAnchor::Start, vertices: vertices.collect(), offsets: Vec::new() };
+    let (from, until) = (f64::NEG_INFINITY, f64::INFINITY);
+    description.pins.push(PinDescription { garment: 0, target, axes: [true; 3], from, until, hold: PinHold::Hard });
+    description.effects.push(EffectRequest::of_scene("pins"));
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    description
+}
+
+/// Height of the right sheet's centre of mass, above that of the left one, which is held [m].
+fn height(simulation: &Simulation) -> f64 {
+    let masses = simulation.scene().masses();
+    let moment: f64 = simulation.state().x.iter().zip(masses).map(|(x, m)| x.y * m).sum();
+    moment / (0.5 * masses.iter().sum::<f64>())
+}
+
+#[test]
+fn a_button_that_opens_lets_the_cloth_fall_freely() {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut description = hanging_by_a_seam(integrator);
+        (description.seams[0].opens, description.seams[0].opened) = (Some(0.5), None);
+        description.solver.cg_tolerance = Some(1e-10);
+        let mut simulation = start(description);
+        run(&mut simulation, 49);
+        assert!(gaps(&simulation).iter().all(|gap| *gap < 0.03), "{integrator:?}: {:?}", gaps(&simulation));
+        // The seam lets go at the end of frame 50: from 51 on gravity alone acts on the centre.
+        run(&mut simulation, 2);
+        let [a, b] = [(); 2].map(|()| {
+            run(&mut simulation, 1);
+            height(&simulation)
+        });
+        run(&mut simulation, 18);
+        let (h, t) = (0.01, 0.18);
+        let expected = b + ((b - a) / h - 0.5 * 9.81 * h) * t - 0.5 * 9.81 * t * t;
+        let found = height(&simulation);
+        assert!((found - expected).abs() < 1e-6, "{integrator:?}: {found} m, expected {expected} m");
+    }
+}
+
+#[test]
+fn a_zip_closes_from_its_first_pair_and_opens_from_its_last() {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut description = two_sheets(0.03, Some(0.002));
+        set_steps_of_a_frame(&mut description, integrator, 4);
+        description.seams[0].zip = true;
+        let mut simulation = start(description.clone());
+        // The slider passes the first pair.
+        run(&mut simulation, 14);
+        let begun = gaps(&simulation);
+        assert!(begun[0] < 0.02 && begun[8] > 0.025, "{integrator:?}: {begun:?}");
+        // It has passed five; the sheets drift together meanwhile, and the last pairs have no spring yet.
+        run(&mut simulation, 21);
+        let closed = gaps(&simulation);
+        assert!(closed[..5].iter().all(|gap| *gap < 0.003), "{integrator:?}: {closed:?}");
+        assert!(closed[7..].iter().all(|gap| *gap > 0.0035), "{integrator:?}: {closed:?}");
+        run(&mut simulation, 65);
+        assert!(gaps(&simulation).iter().all(|gap| (gap - 0.002).abs() < 1e-3), "{:?}", gaps(&simulation));
+        let mut description = hanging_by_a_seam(integrator);
+        let seam = &mut description.seams[0];
+        (seam.zip, seam.opens, seam.opened) = (true, Some(0.1), Some(0.5));
+        let mut simulation = start(description);
+        run(&mut simulation, 40);
+        let open = gaps(&simulation);
+        assert!(open[..2].iter().all(|gap| *gap < 0.003) && open[5..].iter().all(|gap| *gap > 0.02), "{open:?}");
+    }
+}
+
+#[test]
+fn seams_that_open_too_early_are_refused() {
+    let refusal = |opens: Option<f64>, opened: Option<f64>| {
+        let mut description = two_sheets(0.04, None);
+        (description.seams[0].opens, description.seams[0].opened) = (opens, opened);
+        drapery_core::scene::Scene::validate(description).unwrap_err().to_string()
+    };
+    assert!(refusal(Some(0.3), None).contains("it opens at 0.3 s, before it is closed at 0.5 s"));
+    assert!(refusal(Some(0.9), Some(0.8)).contains("before it starts to open"));
+    assert!(refusal(None, Some(0.8)).contains("without `opens`"));
 }

@@ -7,7 +7,9 @@
 //! F₁ = [k (l − L) + c ((v₂ − v₁)·e − dL/dt)] e,   F₂ = −F₁,   c = 2 ζ √(k μ),   e from 1 to 2
 //! ```
 //!
-//! Damping is relative to the closing, so that it does not hold it up; momentum and angular momentum are kept.
+//! Damping is relative to the closing, so that it does not hold it up; momentum and angular momentum are kept. A seam that opens
+//! loses stiffness and damping evenly over its time. A zip gives them to one pair after the other as it closes, each with the
+//! closed gap as its length, and takes them in the opposite order as it opens.
 //!
 //! ```toml
 //! [[seam]]
@@ -49,19 +51,23 @@ to = { garment = "sheet", corners = ["injn"] }"#,
     ..EffectSpec::BARE
 };
 
-/// Length of a seam's pairs over time.
+/// Length and hold of a seam's pairs over time.
 #[derive(Debug, Clone, Copy)]
 struct Closing {
     from: f64,
     until: f64,
     /// At the end [m].
     rest_gap: f64,
+    /// Times between which it opens [s].
+    opening: Option<[f64; 2]>,
+    /// Whether it closes by its hold instead of its length.
+    is_zip: bool,
 }
 
 impl Closing {
     /// Length at a time, and its rate [m, m/s], of a pair that starts `gap` apart.
     fn length(&self, gap: f64, time: f64) -> (f64, f64) {
-        if time >= self.until {
+        if time >= self.until || self.is_zip {
             (self.rest_gap, 0.0)
         } else if time <= self.from {
             (gap, 0.0)
@@ -70,6 +76,29 @@ impl Closing {
             (gap + rate * (time - self.from), rate)
         }
     }
+
+    /// Share of stiffness and damping that acts at a time.
+    fn hold(&self, time: f64) -> f64 {
+        let closed = if self.is_zip { ramp([self.from, self.until], time) } else { 1.0 };
+        closed * self.opening.map_or(1.0, |opening| 1.0 - ramp(opening, time))
+    }
+
+    /// A zip's own times of the pair in this share of its length.
+    fn of_pair(self, [low, high]: [f64; 2]) -> Self {
+        if !self.is_zip {
+            return self;
+        }
+        let between = |[from, until]: [f64; 2], share: f64| from + share * (until - from);
+        let times = [self.from, self.until];
+        // The pair that was closed last opens first.
+        let opening = self.opening.map(|times| [between(times, 1.0 - high), between(times, 1.0 - low)]);
+        Self { from: between(times, low), until: between(times, high), opening, ..self }
+    }
+}
+
+/// Evenly from 0 at the first time to 1 at the second; a step where they are the same.
+fn ramp([from, until]: [f64; 2], time: f64) -> f64 {
+    if time >= until { 1.0 } else { ((time - from) / (until - from)).max(0.0) }
 }
 
 /// A pair with an own end.
@@ -115,7 +144,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         for (own, side) in [(a, 1.0), (b, -1.0)].into_iter().filter(|(own, _)| parts.own().contains(own)) {
             let part = parts.part_of(own);
             let (own, stiffness) = (own - parts.ranges()[part].start, seam.stiffness);
-            let (gap, closing) = (sewn.gap, closings[sewn.seam]);
+            let (gap, closing) = (sewn.gap, closings[sewn.seam].of_pair(sewn.share));
             entries.push((part, Stitch { own, ends, side, gap, closing, stiffness, damping, scaled_damping: 0.0 }));
         }
     }
@@ -143,7 +172,8 @@ fn closing(scene: &Scene, seam: &SeamDescription) -> Closing {
     let touches = description.effects.iter().any(|e| e.effect == "self_repulsion" || e.effect == "self_collision");
     let [a, b] = seam.garments.map(|garment| description.garments[garment].thickness);
     let rest_gap = seam.rest_gap.unwrap_or(if touches { a.max(b) } else { 0.0 });
-    Closing { from: seam.from, until: seam.until, rest_gap }
+    let opening = seam.opens.map(|opens| [opens, seam.opened.unwrap_or(opens)]);
+    Closing { from: seam.from, until: seam.until, rest_gap, opening, is_zip: seam.zip }
 }
 
 /// The gaps that are left, where the scene does not say them.
@@ -161,8 +191,10 @@ impl Force for PartSeams {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
             let (length, rate) = stitch.closing.length(stitch.gap, view.context.time);
             let (apart, inverse) = direction(b - a);
-            let pull = stitch.stiffness * (apart.norm() - length) - stitch.damping * rate;
-            stitch.scaled_damping = stitch.damping * inverse * inverse;
+            let hold = stitch.closing.hold(view.context.time);
+            let (stiffness, damping) = (hold * stitch.stiffness, hold * stitch.damping);
+            let pull = stiffness * (apart.norm() - length) - damping * rate;
+            stitch.scaled_damping = damping * inverse * inverse;
             f[stitch.own] += Simd4::from(&(apart * (stitch.side * pull * inverse)));
         }
     }
@@ -189,7 +221,7 @@ impl Force for PartSeams {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
             let stretch = (b - a).norm() - stitch.closing.length(stitch.gap, view.context.time).0;
             // Both ends count their half.
-            0.25 * stitch.stiffness * stretch * stretch
+            0.25 * stitch.closing.hold(view.context.time) * stitch.stiffness * stretch * stretch
         };
         self.stitches.iter().map(energy).sum()
     }
@@ -213,9 +245,10 @@ impl Linearised for PartSeams {
             let (apart, inverse) = direction(b - a);
             if inverse > 0.0 {
                 let (length, _) = stitch.closing.length(stitch.gap, view.context.time);
-                let stiffness = factors.stiffness * stitch.stiffness;
+                let hold = stitch.closing.hold(view.context.time);
+                let stiffness = factors.stiffness * (hold * stitch.stiffness);
                 let across = stiffness * (1.0 - length * inverse).max(0.0);
-                let along = stiffness + factors.damping * stitch.damping;
+                let along = stiffness + factors.damping * (hold * stitch.damping);
                 rows.add_spring(*slot, &(apart * inverse), along, across);
             }
         }
@@ -232,13 +265,37 @@ fn direction(apart: Vec3) -> (Vec3, f64) {
 mod tests {
     use super::*;
 
+    const SEAM: Closing = Closing { from: -1.0, until: 1.0, rest_gap: 0.1, opening: None, is_zip: false };
+
     #[test]
     fn a_gap_closes_evenly_and_stays_closed() {
-        let closing = Closing { from: -1.0, until: 1.0, rest_gap: 0.1 };
+        let closing = SEAM;
         assert_eq!(closing.length(0.5, -2.0), (0.5, 0.0));
         assert_eq!(closing.length(0.5, 0.0), (0.3, -0.2));
         assert_eq!(closing.length(0.5, 1.0), (0.1, 0.0));
-        let closed = Closing { from: 0.0, until: 0.0, rest_gap: 0.1 };
+        let closed = Closing { from: 0.0, until: 0.0, ..SEAM };
         assert_eq!(closed.length(0.5, 0.0), (0.1, 0.0));
+        assert_eq!((closing.hold(-2.0), closing.hold(9.0)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn a_button_opens_at_once_and_a_seam_evenly() {
+        let button = Closing { opening: Some([2.0, 2.0]), ..SEAM };
+        assert_eq!((button.hold(1.999), button.hold(2.0)), (1.0, 0.0));
+        let seam = Closing { opening: Some([2.0, 4.0]), ..SEAM };
+        assert_eq!([1.0, 2.5, 3.0, 5.0].map(|time| seam.hold(time)), [1.0, 0.75, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn a_zip_closes_pair_by_pair_and_opens_the_last_first() {
+        let zip = Closing { from: 0.0, until: 4.0, opening: Some([10.0, 14.0]), is_zip: true, ..SEAM };
+        let pair = |k: usize| zip.of_pair([0.25 * k as f64, 0.25 * (k + 1) as f64]);
+        let holds = |time: f64| [0, 1, 2, 3].map(|k| pair(k).hold(time));
+        assert_eq!(holds(0.0), [0.0; 4]);
+        assert_eq!(holds(1.5), [1.0, 0.5, 0.0, 0.0]);
+        assert_eq!(holds(4.0), [1.0; 4]);
+        assert_eq!(holds(11.5), [1.0, 1.0, 0.5, 0.0]);
+        assert_eq!(holds(14.0), [0.0; 4]);
+        assert_eq!(pair(3).length(0.5, 0.0), (0.1, 0.0));
     }
 }

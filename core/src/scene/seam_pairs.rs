@@ -13,6 +13,8 @@ pub struct Sewn {
     pub ends: [u32; 2],
     /// Distance between the two vertices at the start [m].
     pub gap: f64,
+    /// The part of the seam's time in which a zip closes the pair: from and to, 0 to 1.
+    pub share: [f64; 2],
 }
 
 /// The pairs with a vertex among `own`, which are numbers of the scene.

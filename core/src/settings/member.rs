@@ -51,6 +51,16 @@ impl Member for usize {
     }
 }
 
+impl Member for bool {
+    fn of(settings: &Settings, name: &str) -> Self {
+        settings.flag(name)
+    }
+
+    fn value(&self) -> Option<SettingValue> {
+        Some(SettingValue::Flag(*self))
+    }
+}
+
 impl Member for [f64; 3] {
     fn of(settings: &Settings, name: &str) -> Self {
         settings.vector(name)

@@ -26,6 +26,9 @@ impl Resolver<'_> {
         let from = self.seam_side(&seam.from, &path.clone().key("from"));
         let to = self.seam_side(&seam.to, &path.clone().key("to"));
         let (Some(from), Some(to)) = (from, to) else { return };
+        let zip = self.settings(path, SeamDescription::FIELDS).flag("zip");
+        let sorted = |side: Side, written: &SeamSide| if zip && written.region.is_some() { side.along() } else { side };
+        let (from, to) = (sorted(from, &seam.from), sorted(to, &seam.to));
         let pairing = Pairing::of(&self.settings(path, &[PAIRING]), PAIRING.name);
         let both_listed = seam.from.vertices.is_some() && seam.to.vertices.is_some();
         let in_order = pairing == Pairing::Order || (pairing == Pairing::Auto && both_listed);
@@ -52,6 +55,9 @@ impl Resolver<'_> {
             pairs: if in_order { in_turn(&from, &to) } else { to_nearest(&from, &to) },
             from: starts,
             until: ends,
+            opens: settings.optional("opens"),
+            opened: settings.optional("opened"),
+            zip,
             rest_gap: settings.optional("rest_gap"),
             stiffness: settings.number("strength"),
             damping_ratio: settings.number("damping_ratio"),
@@ -92,6 +98,21 @@ impl Resolver<'_> {
         let with_places = found.map(|vertices| (places(&vertices), vertices));
         let (start, vertices) = self.check(path, with_places)?;
         Some(Side { garment, vertices, start })
+    }
+}
+
+impl Side {
+    /// The vertices of a region in the order of their places along the axis on which it is longest; of equal places the lower number first.
+    fn along(self) -> Self {
+        let extent = |axis: usize| {
+            let places = || self.start.iter().map(|place| place[axis]);
+            places().fold(f64::NEG_INFINITY, f64::max) - places().fold(f64::INFINITY, f64::min)
+        };
+        let axis = (0..3).fold(0, |longest, axis| if extent(axis) > extent(longest) { axis } else { longest });
+        let mut both: Vec<(u32, Vec3)> = self.vertices.into_iter().zip(self.start).collect();
+        both.sort_by(|(a, x), (b, y)| x[axis].total_cmp(&y[axis]).then(a.cmp(b)));
+        let (vertices, start) = both.into_iter().unzip();
+        Self { vertices, start, ..self }
     }
 }
 

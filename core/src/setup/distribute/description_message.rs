@@ -45,14 +45,14 @@ codec!(enum PinTarget {
 codec!(struct PinDescription { garment, target, axes, from, until, hold });
 codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 codec!(struct EffectRequest { effect, garment, settings, sources, because });
-codec!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
+codec!(struct SeamDescription { garments, pairs, from, until, opens, opened, zip, rest_gap, stiffness, damping_ratio });
 codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body) });
 codec!(struct ContactRule { between, ignore, friction, thickness });
 codec!(struct WindGridShape { origin, spacing, counts });
 codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, contacts, curves, wind, effects, left_out });
 codec!(struct Pinned { number, pin, row, vertex, attachment });
 codec!(struct MergedVertex { vertex, leader, offset });
-codec!(struct Sewn { number, seam, ends, gap });
+codec!(struct Sewn { number, seam, ends, gap, share });
 
 /// Only rank 0 reads.
 impl Codec for Option<Arc<dyn MeshStream>> {

@@ -351,8 +351,10 @@ impl SceneScatter {
         for (number, (seam, pairs)) in sides().enumerate() {
             let [a, b] = seam.garments;
             let first: Vec<_> = ends[a][0].by_ref().take(pairs.len()).collect();
-            for ((p, x), (q, y)) in first.into_iter().zip(ends[b][1].by_ref()) {
-                all.push(Sewn { number: all.len() as u32, seam: number, ends: [p, q], gap: (x - y).norm() });
+            let share = |pair: usize| [pair, pair + 1].map(|end| end as f64 / pairs.len() as f64);
+            for (pair, ((p, x), (q, y))) in first.into_iter().zip(ends[b][1].by_ref()).enumerate() {
+                let (number_of_pair, gap) = (all.len() as u32, (x - y).norm());
+                all.push(Sewn { number: number_of_pair, seam: number, ends: [p, q], gap, share: share(pair) });
             }
         }
         all

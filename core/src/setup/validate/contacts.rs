@@ -150,15 +150,7 @@ mod tests {
         let mut description = scene(&BOTH[..1]);
         description.contacts = vec![ignore(cloth), rough([Garment(0), Body(1)]), rough([Garment(1), Garment(1)])];
         assert_eq!(problems(&description), "");
-        description.seams.push(SeamDescription {
-            garments: [1, 0],
-            pairs: vec![[0, 0]],
-            from: 0.0,
-            until: 1.0,
-            rest_gap: None,
-            stiffness: 1.0,
-            damping_ratio: 1.0,
-        });
+        description.seams.push(SeamDescription { until: 1.0, ..SeamDescription::new([1, 0], vec![[0, 0]], 1.0) });
         assert!(problems(&description).contains("seam 0 draws these two together"), "{}", problems(&description));
         description.seams.clear();
         description.effects.clear();

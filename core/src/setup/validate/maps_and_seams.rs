@@ -174,6 +174,18 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
         } else if let Some([p, _]) = seam.pairs.iter().find(|[p, q]| seam.garments[0] == seam.garments[1] && p == q) {
             refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
         }
+        match (seam.opens, seam.opened) {
+            (None, Some(_)) => refuse("it has an `opened` without `opens`".into(), "write when it starts to open"),
+            (Some(opens), Some(opened)) if opened < opens => {
+                let what = format!("it is open at {opened} s, before it starts to open at {opens} s");
+                refuse(what, "write an `opened` after `opens`");
+            }
+            (Some(opens), _) if opens < seam.until => {
+                let what = format!("it opens at {opens} s, before it is closed at {} s", seam.until);
+                refuse(what, "write an `opens` after `closed`");
+            }
+            _ => {}
+        }
         if seam.pairs.is_empty() {
             refuse("it has no pairs".into(), "list the vertices to sew");
         }

@@ -514,13 +514,9 @@ mod tests {
         let (from, until) = (f64::NEG_INFINITY, f64::INFINITY);
         description.pins.push(PinDescription { garment: 0, target, axes: [true; 3], from, until, hold });
         description.seams.push(SeamDescription {
-            garments: [0, 0],
-            pairs: vec![[1, 2]],
-            from: 0.0,
             until: 1.0,
-            rest_gap: None,
-            stiffness: 1.0,
             damping_ratio: 0.0,
+            ..SeamDescription::new([0, 0], vec![[1, 2]], 1.0)
         });
         // Builds without these effects check values as well.
         description.left_out = ["attachments", "seams", "body_collision"].map(str::to_owned).into();

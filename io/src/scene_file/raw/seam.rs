@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::garment::{Corner, Region};
 use super::place_schemas::fractions;
 
-/// Vertices that are drawn together and stay together, of one garment or of two.
+/// Vertices that are drawn together, of one garment or of two: a seam, a button, a zip (docs/howto/closures.md).
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Seam {
