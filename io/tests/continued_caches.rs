@@ -65,6 +65,7 @@ impl Garment {
             velocities: true,
             normals: false,
             crossings: true,
+            attributes: Default::default(),
         }
     }
 
@@ -113,6 +114,7 @@ impl Garment {
                 velocities: &velocities,
                 normals: &[],
                 crossings,
+                values: Default::default(),
             })
             .unwrap();
     }

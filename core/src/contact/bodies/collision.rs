@@ -14,6 +14,7 @@ mod marks;
 mod pinch;
 mod rules;
 mod supports;
+mod touch;
 
 use std::ops::Range;
 
