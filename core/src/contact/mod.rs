@@ -1,7 +1,7 @@
 //! Contact: friction on bodies, and everything that keeps cloth from passing through cloth.
 //!
 //! The rooms are the pipeline of contact, in the order in which they are used, and each imports only those above it:
-//! `topology` (what can touch), `touch` (contact as a number), [`ccd`] (when two primitives meet), `broad_phase` (which may), `colouring` (pairs that can be
+//! `topology` (what can touch), [`ccd`] (when two primitives meet), `broad_phase` (which may), `colouring` (pairs that can be
 //! answered at once), [`bodies`] (what cloth rests on), `repulsion` (impulses in every time step), `collisions` (what is
 //! stopped at the end of a collision step), `intersections` (what crosses although nothing should), `self_contact` (one
 //! collision step of all this).
@@ -16,7 +16,6 @@ pub(crate) mod repulsion;
 pub(crate) mod self_contact;
 pub(crate) mod tolerances;
 pub(crate) mod topology;
-pub(crate) mod touch;
 
 #[cfg(test)]
 pub(crate) mod testing;

@@ -14,7 +14,7 @@ mod marks;
 mod pinch;
 mod rules;
 mod supports;
-mod touch;
+pub(crate) mod touch;
 
 use std::ops::Range;
 

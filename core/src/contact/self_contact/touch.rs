@@ -3,10 +3,10 @@
 use super::SelfContact;
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
+use crate::contact::bodies::collision::touch::contact_at;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
 use crate::contact::topology::pair::PairKind;
-use crate::contact::touch::contact_at;
 
 impl SelfContact {
     /// Raises the contact of each own vertex to that with other cloth, at the positions `x` [m] of the scene's local vertices; one
