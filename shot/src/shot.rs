@@ -297,6 +297,11 @@ impl Shot {
         })
     }
 
+    /// Names of the caches: of all garments, then of all render meshes.
+    pub(crate) fn cache_names(&self) -> impl Iterator<Item = &str> {
+        self.about.garments.iter().chain(self.render_meshes.iter().map(|mesh| &mesh.name)).map(String::as_str)
+    }
+
     /// Number of frames that a run computes, pre-roll included.
     pub fn frame_count(&self) -> u64 {
         self.about.last_frame.abs_diff(self.about.timeline.start) + 1

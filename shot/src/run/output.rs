@@ -26,7 +26,7 @@ use crate::point_attributes::FrameAttributes;
 use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
-use crate::run::folder::{files_of_run, remove, write_fingerprint};
+use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
@@ -253,7 +253,6 @@ impl Output {
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        spent.stage("write caches", |_| self.attributes.take(remote_simulation));
         let written = spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings));
         let mut digests = written?;
         if let Some(faces) = &mut self.faces {
@@ -318,6 +317,7 @@ impl Output {
         remote_simulation: &RemoteSimulation,
         crossings: Option<u32>,
     ) -> Result<FrameDigests, IoError> {
+        self.attributes.take(remote_simulation);
         let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
         let of_garments = self.writers.iter_mut().take(self.garments).enumerate();
@@ -520,15 +520,6 @@ fn paths(planned: &[Planned]) -> Vec<PathBuf> {
     planned.iter().map(|cache| cache.path.clone()).collect()
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// Names of all garments, then of all render meshes.
-fn names(shot: &Shot) -> impl Iterator<Item = &str> {
-    shot.about.garments.iter().chain(shot.render_meshes.iter().map(|mesh| &mesh.name)).map(String::as_str)
-}
-
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
     let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
@@ -542,7 +533,7 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
         };
         writable.iter().map(cache).collect()
     };
-    names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
+    shot.cache_names().enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
 }
 
 fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
@@ -569,7 +560,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let about = &shot.about;
     let followed = shot.render_meshes.iter().map(|mesh| Some(about.garments[mesh.garment].clone()));
     let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
-    let garments = names(shot).zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
+    let garments = shot.cache_names().zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
         let (plan, fabric) = (cache_plan(shot, index), about.fabrics.get(index).and_then(Option::as_ref));
         ManifestGarment {
             name: name.to_owned(),
