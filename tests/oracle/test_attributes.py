@@ -225,8 +225,16 @@ def test_info_lists_them_and_verify_judges_them(shot, tmp_path):
     for name, rest in (("lower.abc", "Pref"), ("lower.usd", "rest"), ("lower.h5", "rest")):
         said = drapery("info", shot / name).stdout
         assert all(word in said for word in (rest, "strain", "contact", "thickness")), said
+    for name in ("lower.abc", "lower.usd"):
         verified = drapery("verify", shot / name)
         assert verified.returncode == 0, verified.stdout + verified.stderr
+    # A strain of the last frame that is no number.
+    number = held(shot / "lower.h5")["strain"][3][:4].tobytes()
+    damaged = (shot / "lower.abc").read_bytes()
+    assert damaged.count(number) == 1
+    (tmp_path / "damaged.abc").write_bytes(damaged.replace(number, np.full(4, np.nan, np.float32).tobytes()))
+    verified = drapery("verify", tmp_path / "damaged.abc")
+    assert verified.returncode != 0 and "attribute strain, sample 3, vertex 0" in verified.stdout + verified.stderr
 
 
 @pytest.mark.parametrize("ending", ["pc2", "mdd"])
