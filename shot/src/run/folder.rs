@@ -80,7 +80,7 @@ impl Earlier {
         self.manifest["last_complete_frame"].as_i64()
     }
 
-    /// Whether its caches hold velocities or faces where those of a shot would not, or the other way round.
+    /// Whether its caches hold velocities, faces or attributes where those of a shot would not, or the other way round.
     pub(super) fn has_other_form(&self, now: &Fingerprint) -> bool {
         self.fingerprint.as_ref().is_some_and(|then| then.form_of_caches() != now.form_of_caches())
     }

@@ -300,24 +300,38 @@ impl AlembicWriter {
             let property = archive.add_scalar_property(properties, CROSSINGS, &none, kind, declared.sampling)?;
             declared.crossings = Some(property);
         }
-        if !still.params.is_empty() {
-            let attributes = declared.mesh.attributes(archive)?;
-            for param in &still.params {
-                let spec = GeomParamSpec {
-                    name: &param.name,
-                    scope: param.scope,
-                    data_type: param.data_type,
-                    interpretation: &param.interpretation,
-                    source_name: param.source_name.as_deref(),
-                    indexed: param.indices.is_some(),
-                    time_sampling: 0,
-                };
-                let writer = GeomParamWriter::declare(archive, attributes, &spec)?;
-                writer.write_static(archive, &param.values, param.indices.as_deref())?;
-            }
+        if !still.params.is_empty() || self.attributes.moving().next().is_some() {
+            self.write_params(archive, declared, still)?;
+        }
+        for set in &still.face_sets {
+            let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
+            write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
+        }
+        Ok(())
+    }
+
+    /// Attributes at points, faces and corners: those that do not move, and the declaration of the others.
+    fn write_params(
+        &self,
+        archive: &mut ArchiveWriter,
+        declared: &mut Declared,
+        still: &Still,
+    ) -> Result<(), AlembicError> {
+        let attributes = declared.mesh.attributes(archive)?;
+        for param in &still.params {
+            let spec = GeomParamSpec {
+                name: &param.name,
+                scope: param.scope,
+                data_type: param.data_type,
+                interpretation: &param.interpretation,
+                source_name: param.source_name.as_deref(),
+                indexed: param.indices.is_some(),
+                time_sampling: 0,
+            };
+            let writer = GeomParamWriter::declare(archive, attributes, &spec)?;
+            writer.write_static(archive, &param.values, param.indices.as_deref())?;
         }
         for name in self.attributes.moving() {
-            let attributes = declared.mesh.attributes(archive)?;
             let spec = GeomParamSpec {
                 name,
                 scope: Scope::Vertex,
@@ -328,10 +342,6 @@ impl AlembicWriter {
                 time_sampling: declared.sampling,
             };
             declared.values.push(GeomParamWriter::declare(archive, attributes, &spec)?);
-        }
-        for set in &still.face_sets {
-            let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
-            write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
         }
         Ok(())
     }
