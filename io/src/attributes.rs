@@ -49,7 +49,7 @@ pub(crate) const REST: &str = "rest";
 /// Name of the rest positions in Alembic, by which Maya, Katana and renderers know them.
 pub(crate) const PREF: &str = "Pref";
 
-/// Where a cache says which of its attributes are of this program: a mesh may have others of the same names.
+/// List in a cache of its attributes that are this program's: a mesh may have others of the same names.
 pub(crate) const LISTED: &str = "attributes";
 
 impl Attribute {
@@ -127,7 +127,7 @@ impl StoredValues {
         })
     }
 
-    /// Those that are there, with their names.
+    /// The values that are there, with their names.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, &[f32])> {
         [(STRAIN, self.strain.as_deref()), (CONTACT, self.contact.as_deref())]
             .into_iter()
@@ -162,7 +162,7 @@ impl PointAttributes {
         (!words.is_empty()).then(|| words.join(" "))
     }
 
-    /// Those that a cache lists, of which `vectors` and `numbers` give what does not move.
+    /// The attributes that a cache lists; `rest` and `thickness` read what does not move.
     ///
     /// # Errors
     /// The error of these.
@@ -239,7 +239,7 @@ pub fn rest_positions(mesh: &GarmentMesh, (units, origin): (Units, Vec3)) -> Res
 pub struct RestEdges(Vec<([u32; 2], f64)>);
 
 impl RestEdges {
-    /// Those of a mesh at rest [m].
+    /// The edges of a mesh at rest [m].
     pub fn of(data: &MeshData) -> Self {
         let points = &data.mesh.points;
         let sides = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)]);
@@ -272,7 +272,7 @@ pub struct FromPositions {
 }
 
 impl FromPositions {
-    /// Those that are asked for, of a mesh at rest. Nothing is read if none is.
+    /// The attributes that are asked for, of a mesh at rest. Nothing is read if none is.
     ///
     /// # Errors
     /// The mesh cannot be read.

@@ -66,7 +66,7 @@ pub(crate) fn bytes_per_point(output: &OutputDescription) -> [usize; 2] {
 /// Values of the attributes in a frame, as they are asked for.
 pub(crate) struct FrameAttributes {
     units: Units,
-    /// Of each garment, what follows from its positions.
+    /// Attributes of each garment that follow from its positions.
     from_positions: Vec<FromPositions>,
     has_contact: bool,
     /// Contact of each garment in the sample that is written; nothing where nobody asks for it.
@@ -74,7 +74,7 @@ pub(crate) struct FrameAttributes {
 }
 
 impl FrameAttributes {
-    /// Of these garments as they are written.
+    /// Takes the garments as they are written.
     ///
     /// # Errors
     /// A mesh cannot be read.

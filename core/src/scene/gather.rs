@@ -73,7 +73,7 @@ impl Scene {
         self.parts().ranks().is_first().then_some(all)
     }
 
-    /// What a garment's own vertices have, by their local numbers, in the garment's order; nothing but on rank 0.
+    /// Values of a garment's own vertices, given by their local numbers, in the garment's order; nothing but on rank 0.
     fn gather_own<T: Pod>(&self, garment: usize, of_vertex: &dyn Fn(usize) -> T) -> Vec<T> {
         let (parts, ranks) = (self.parts(), self.parts().ranks());
         let own = parts.own_of_garment(garment);

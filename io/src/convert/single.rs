@@ -20,7 +20,7 @@ const VECTOR: u64 = 12;
 /// Bytes of a number in single precision.
 const NUMBER: u64 = 4;
 
-/// Bytes that so many vectors and numbers of single precision take in one file.
+/// Bytes that these numbers of vectors and of single values take in one file.
 pub fn bytes_of(vectors: u64, numbers: u64) -> u64 {
     vectors.saturating_mul(VECTOR).saturating_add(numbers.saturating_mul(NUMBER))
 }

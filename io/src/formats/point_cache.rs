@@ -4,7 +4,7 @@
 //! | | PC2 | MDD |
 //! |---|---|---|
 //! | numbers | little-endian | big-endian |
-//! | header | `POINTCACHE2\0`, version 1 (i32), points (i32), first frame (f32), frames a sample (f32), samples (i32) | samples (i32), points (i32) |
+//! | header | `POINTCACHE2\0`, version 1 (i32), points (i32), first frame, frames a sample (f32), samples (i32) | samples, points (i32) |
 //! | times | follow from the header | of every sample in seconds (f32) |
 //! | points | x, y, z (f32), sample after sample | the same |
 

@@ -278,7 +278,7 @@ fn attributes_of(path: &Path, mesh: &PolyMesh) -> Result<PointAttributes, IoErro
     PointAttributes::of_listed(&listed, rest, thickness)
 }
 
-/// The values of an attribute that the mesh lists, so many numbers of single precision for each point.
+/// The values of an attribute that the mesh lists, `N` numbers of single precision for each point.
 fn numbers_at_points<const N: usize>(
     (path, mesh): (&Path, &PolyMesh),
     name: &str,
