@@ -3,6 +3,7 @@
 //! second that agree with the motion, true bounds; and no crossing, of a mesh with itself or with another.
 
 mod applications;
+mod attributes;
 mod crossings;
 mod recorded;
 mod stage;
@@ -157,6 +158,7 @@ fn verify_mesh(mesh: &PolyMesh, path: &str, fps: Option<f64>, found: &mut Verifi
     check.topology();
     check.samples();
     check.velocities();
+    check.attributes();
 }
 
 /// The checks of one mesh.

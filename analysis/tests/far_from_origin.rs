@@ -199,6 +199,7 @@ fn plan(mesh: &GarmentMesh, origin: Vec3) -> CachePlan<'_> {
         velocities: false,
         normals: false,
         crossings: false,
+        attributes: Default::default(),
     }
 }
 
@@ -212,6 +213,7 @@ fn write_frame(writer: &mut dyn CacheWriter, frame: i64) {
             velocities: &[],
             normals: &[],
             crossings: None,
+            values: Default::default(),
         })
         .unwrap();
 }

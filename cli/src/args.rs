@@ -283,7 +283,8 @@ pub(crate) struct FileArgs {
 pub(crate) struct ConvertArgs {
     /// A cache (.abc or .h5), or any stage of USD
     pub(crate) from: PathBuf,
-    /// The new cache; its extension says the format: .abc, .h5, .usd, or .usdc for one binary layer with all meshes
+    /// The new cache; its extension says the format: .abc, .h5, .usd, .usdc for one binary layer with all meshes, or .pc2 or .mdd
+    /// for points alone
     pub(crate) to: PathBuf,
     /// Path of the mesh, where the cache holds several
     #[arg(long, value_name = "PATH")]

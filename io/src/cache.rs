@@ -7,6 +7,7 @@ use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 use serde::{Deserialize, Serialize};
 
+use crate::attributes::{PointAttributes, PointValues};
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
 use crate::units::Units;
@@ -36,6 +37,8 @@ pub struct CachePlan<'a> {
     pub normals: bool,
     /// Whether frames come with their number of crossings.
     pub crossings: bool,
+    /// Other attributes at the points.
+    pub attributes: PointAttributes,
     /// Times of the samples between a frame and the next, as fractions of a frame, ascending, between 0 and 1.
     pub sub_frames: &'a [f64],
 }
@@ -99,6 +102,8 @@ pub struct CacheFrame<'a> {
     /// Number of edges of cloth that pass through triangles of cloth in the positions as they are stored, in all
     /// garments of the shot; given with every sample or never, as planned.
     pub crossings: Option<u32>,
+    /// Other attributes at the points, as planned.
+    pub values: PointValues<'a>,
 }
 
 /// State of a cache after its last complete frame: enough to cut the file back to it and go on

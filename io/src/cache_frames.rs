@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 
+use crate::attributes::{PointAttributes, StoredValues};
 use crate::error::IoError;
 use crate::mesh_data::{Connectivity, MeshData};
 use crate::units::{InputUnits, LengthUnit, Units, UpAxis};
@@ -42,6 +43,8 @@ pub struct CacheMesh {
     pub is_still: bool,
     /// Purpose of a mesh of a stage, in USD's words (`render`, `proxy`, `guide`), if not everything.
     pub purpose: Option<String>,
+    /// Attributes at its points that this program wrote, beside normals; rest positions and thickness in the file's unit.
+    pub attributes: PointAttributes,
     /// Properties of it that neither its attributes nor its frames hand through, a sentence each.
     pub left_out: Vec<String>,
 }
@@ -73,6 +76,8 @@ pub struct StoredFrame {
     pub normals: Option<Vec<[f32; 3]>>,
     /// Number of crossings, if the cache counts them.
     pub crossings: Option<u32>,
+    /// Other attributes at the points.
+    pub values: StoredValues,
     /// Whether the bounds that are stored, if any, are those of the positions to the last bit.
     pub has_bounds_of_points: bool,
 }

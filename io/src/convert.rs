@@ -14,6 +14,7 @@ use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 
 use crate::atomic_file::{check_name, put};
+use crate::attributes::{PREF, REST, StoredValues};
 use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::cache_frames::rates;
@@ -84,7 +85,7 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
         refuse_target(conversion)?;
         return single::convert(conversion, single, wrote);
     }
-    let open = format.and_then(|format| format.create.zip(format.resume));
+    let open = format.and_then(|format| Some((format.create?, format.resume)));
     let open = open.ok_or_else(|| not_written(&conversion.to))?;
     refuse_target(conversion)?;
     let source = opened(conversion)?;
@@ -140,6 +141,10 @@ fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
         (materials, "material:binding"),
         (data.purpose.is_some(), "the purpose"),
     ];
+    if of_file(to).is_some_and(|format| format.holds_points_alone) {
+        let what = "faces, UVs, velocities and attributes are left out: the format holds points alone";
+        return vec![format!("{}: {what}", data.object_path)];
+    }
     let left = all.iter().filter(|(there, _)| *there && !of_file(to).is_some_and(|format| format.binds_materials));
     left.map(|(_, what)| format!("{}: {what} is left out: the format cannot store it", data.object_path)).collect()
 }
@@ -156,22 +161,28 @@ fn plan<'a>(
     let stored = source.stored_positions(mesh, start)?;
     let sample = source.samples.frame(mesh, start)?;
     let (fps_numerator, fps_denominator) = rate(source, conversion.fps)?;
+    let units = Units {
+        length: conversion.length.unwrap_or(source.units().length),
+        up: conversion.up.unwrap_or(source.units().up),
+    };
+    // Whole metres stay what they are; others are rounded as the positions are.
+    let source_origin = stored.map_or(Vec3::zeros(), |stored| stored.units.to_si(Vec3::from(stored.origin)));
+    let has_origin = !of_file(&conversion.to).is_some_and(|format| format.holds_points_alone);
+    let origin = if has_origin { source_origin } else { Vec3::zeros() };
+    let attributes = source.meshes[mesh].attributes.converted((source.units(), source_origin), (units, origin));
     Ok(CachePlan {
         sub_frames: &samples.sub_frames,
         garment,
         mesh: kept,
-        units: Units {
-            length: conversion.length.unwrap_or(source.units().length),
-            up: conversion.up.unwrap_or(source.units().up),
-        },
-        // Whole metres stay what they are; others are rounded as the positions are.
-        origin: stored.map_or(Vec3::zeros(), |stored| stored.units.to_si(Vec3::from(stored.origin))),
+        units,
+        origin,
         timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
         first_frame: first,
         last_frame: last,
         velocities: source.samples.velocities(mesh, start)?.is_some(),
         normals: sample.normals.is_some(),
         crossings: sample.crossings.is_some(),
+        attributes,
     })
 }
 
@@ -258,6 +269,8 @@ fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), Io
 fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, bool)) -> Result<MeshData, IoError> {
     let cache = &source.meshes[mesh];
     let mut data = source.attributes(mesh)?;
+    // What this program wrote is written anew, in the unit and under the name that it has in the new file.
+    data.params.retain(|param| ![PREF, REST].iter().any(|rest| cache.attributes.has(&param.name, rest)));
     data.mesh.points = source.positions(mesh, sample)?;
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
     // turned round and they are not.
@@ -277,7 +290,7 @@ impl Work<'_> {
     fn write(
         &self,
         to: &Path,
-        (create, resume): (CreateCache, ResumeCache),
+        (create, resume): (CreateCache, Option<ResumeCache>),
         samples: &Chosen,
         wrote: &mut dyn FnMut(i64),
     ) -> Result<(), IoError> {
@@ -304,7 +317,7 @@ impl Work<'_> {
         }
         mark.file = to.file_name().unwrap_or_default().to_string_lossy().into_owned();
         // Clears away what is left of a cache that was replaced.
-        resume(to, &self.plan, &mark)?.finish()
+        resume.map_or(Ok(()), |resume| resume(to, &self.plan, &mark)?.finish())
     }
 
     /// Gives all samples as the new file stores them.
@@ -342,7 +355,11 @@ impl Work<'_> {
             };
             let normals = if plan.normals { self.normals(&positions) } else { Vec::new() };
             let (positions, velocities, normals) = (&positions[..], &velocities[..], &normals[..]);
-            take(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings })?;
+            let values = stored.values.values();
+            if let Some((name, point)) = first_impossible_number(&stored.values) {
+                return Err(self.impossible((frame, sub_frame), point, name));
+            }
+            take(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings, values })?;
         }
         Ok(())
     }
@@ -403,6 +420,11 @@ impl Work<'_> {
 /// The first point at which a number is none.
 fn first_impossible(vectors: &[[f32; 3]]) -> Option<usize> {
     vectors.iter().position(|vector| vector.iter().any(|number| !number.is_finite()))
+}
+
+/// The first attribute and point at which a number is none.
+fn first_impossible_number(values: &StoredValues) -> Option<(&'static str, usize)> {
+    values.named().find_map(|(name, all)| Some((name, all.iter().position(|number| !number.is_finite())?)))
 }
 
 /// Returns the path at which the new cache is written until it is whole; it keeps its extension.

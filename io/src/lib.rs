@@ -20,6 +20,7 @@
 //! ```
 
 pub mod atomic_file;
+pub mod attributes;
 pub mod cache;
 pub mod cache_frames;
 pub mod checkpoint;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use drapery_core::scene::SceneDescription;
 
+use crate::attributes::Attribute;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::memory_mesh::MemoryMeshes;
@@ -124,6 +125,15 @@ pub struct OutputDescription {
     pub preroll: bool,
     /// Whether a run that is done writes all its USD caches as one binary layer too.
     pub usd_single: bool,
+    /// Attributes at the points that are asked for, ascending.
+    pub attributes: Vec<Attribute>,
     /// Whether garments are written with the triangles that are simulated in the place of their faces.
     pub triangles: bool,
+}
+
+impl OutputDescription {
+    /// Whether this attribute is asked for.
+    pub fn has(&self, attribute: Attribute) -> bool {
+        self.attributes.contains(&attribute)
+    }
 }

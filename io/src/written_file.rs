@@ -37,6 +37,7 @@ mod tests {
     use std::io::Write;
 
     use super::*;
+    use crate::attributes::{PointAttributes, PointValues};
     use crate::cache::{CacheFrame, CachePlan, CacheWriter};
     use crate::error::IoErrorKind;
     use crate::formats::{FORMATS, by_extension};
@@ -63,6 +64,7 @@ mod tests {
             velocities: false,
             normals: false,
             crossings: false,
+            attributes: PointAttributes::default(),
         };
         let path = folder.join(format!("sheet.{extension}"));
         let create = by_extension(extension).and_then(|format| format.create).expect("caches are written");
@@ -74,7 +76,8 @@ mod tests {
     fn write(writer: &mut dyn CacheWriter, frame: i64) -> Result<(), IoError> {
         let positions = [[0.0, frame as f32, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]];
         let (positions, none): (&[[f32; 3]], &[[f32; 3]]) = (&positions, &[]);
-        writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities: none, normals: none, crossings: None })
+        let (crossings, values) = (None, PointValues::default());
+        writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities: none, normals: none, crossings, values })
     }
 
     #[test]

@@ -47,6 +47,7 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         velocities: true,
         normals: false,
         crossings: true,
+        attributes: Default::default(),
     };
     let path = folder.join(name);
     let mut writer = AlembicWriter::create(&path, &plan).unwrap();
@@ -64,6 +65,7 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
                 velocities: &velocities,
                 normals: &[],
                 crossings,
+                values: Default::default(),
             })
             .unwrap();
         // Valid after every frame.

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use drapery_alembic::{Archive, PodType, PolyMesh};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
+use drapery_io::attributes::PointAttributes;
 use drapery_io::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
@@ -65,6 +66,7 @@ impl Garment {
             velocities: true,
             normals: false,
             crossings: true,
+            attributes: Default::default(),
         }
     }
 
@@ -113,6 +115,7 @@ impl Garment {
                 velocities: &velocities,
                 normals: &[],
                 crossings,
+                values: Default::default(),
             })
             .unwrap();
     }
@@ -474,6 +477,7 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
     assert_ne!(cut_otherwise.mesh.triangulate(), garment.data.mesh.triangulate());
     let [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs, cut_otherwise] =
         [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs, cut_otherwise].map(GarmentMesh::kept);
+    let rest = vec![[0.0; 3]; garment.data.mesh.points.len()].into();
     let plans = [
         CachePlan { garment: "coat", ..plan.clone() },
         CachePlan { units: Units::SI, ..plan.clone() },
@@ -482,6 +486,8 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
         CachePlan { first_frame: 1000, ..plan.clone() },
         CachePlan { velocities: false, ..plan.clone() },
         CachePlan { crossings: false, ..plan.clone() },
+        CachePlan { attributes: PointAttributes { strain: true, ..PointAttributes::default() }, ..plan.clone() },
+        CachePlan { attributes: PointAttributes { rest: Some(rest), ..PointAttributes::default() }, ..plan.clone() },
         CachePlan { mesh: &cut_otherwise, ..plan.clone() },
         CachePlan { mesh: &moved, ..plan.clone() },
         CachePlan { mesh: &more_points, ..plan.clone() },

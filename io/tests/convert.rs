@@ -56,6 +56,7 @@ fn write_samples(
         velocities: true,
         normals: false,
         crossings: true,
+        attributes: Default::default(),
     };
     let path = folder.join(format!("skirt.{extension}"));
     let mut writer = (by_extension(extension).unwrap().create.unwrap())(&path, &plan).unwrap();
@@ -77,6 +78,7 @@ fn write_samples(
                 velocities: &velocities,
                 normals: &[],
                 crossings,
+                values: Default::default(),
             })
             .unwrap();
     }

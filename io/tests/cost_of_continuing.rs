@@ -47,6 +47,7 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
         velocities: true,
         normals: false,
         crossings: true,
+        attributes: Default::default(),
     };
     for extension in ["abc", "h5"] {
         let path = folder.path().join(format!("sheet.{extension}"));
@@ -67,6 +68,7 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
                 velocities: &velocities,
                 normals: &[],
                 crossings: Some(0),
+                values: Default::default(),
             };
             writer.write(&frame).unwrap();
             last = now.elapsed().as_secs_f64();

@@ -31,6 +31,7 @@ mod inputs;
 mod long_frames;
 mod overstretched;
 mod pinned;
+mod point_attributes;
 pub mod quality;
 pub mod recorded_frames;
 pub mod remote_simulation;

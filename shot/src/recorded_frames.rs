@@ -110,7 +110,7 @@ fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counte
     let Ok(stored) = cache.samples.frame(0, sample) else {
         return Some("it cannot be read".to_owned());
     };
-    let StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points } = stored;
+    let StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points, .. } = stored;
     let faces = &cache.meshes[0].faces;
     let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());

@@ -52,6 +52,8 @@ enum Command {
     Save,
     /// Give numbers of the scene other values.
     Set { numbers: Vec<(String, SettingValue)> },
+    /// Give the contact of all garments.
+    Contact,
     /// End with this exit code.
     End { code: u8 },
 }
@@ -73,6 +75,7 @@ drapery_core::codec! { enum Command {
     13 => End { code },
     14 => Checksums,
     15 => Set { numbers },
+    16 => Contact,
 } }
 
 /// Name of the message that a command is.
@@ -202,6 +205,12 @@ impl RemoteSimulation {
         crossings_of_stored(&mut self.simulation, units)
     }
 
+    /// Contact of the vertices of each garment in its own order ([`Simulation::contact`]).
+    pub(super) fn contact(&self) -> Vec<Vec<f32>> {
+        announce(&self.ranks, Command::Contact);
+        self.simulation.contact().expect("rank 0 gets what is stored")
+    }
+
     /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
     pub(super) fn state(&self) -> [Vec<Vec3>; 2] {
         announce(&self.ranks, Command::State);
@@ -312,6 +321,7 @@ impl Worker {
                 field_of(self.started(), garment, vertex_field(velocities));
             }
             Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
+            Command::Contact => drop(self.started().contact()),
             Command::State => drop(state(ranks, self.started())),
             Command::Save => self.started().save(None),
             Command::Set { numbers } => drop(self.started().set(&numbers)),

@@ -111,6 +111,11 @@ impl RenderMesh {
         Positioned { positions, velocities: units.stored_all(&velocities), normals }
     }
 
+    /// The binding of its points to the cloth.
+    pub(crate) fn binding(&self) -> &SurfaceBinding {
+        &self.binding
+    }
+
     /// Number of triangles that its faces are cut into.
     pub(crate) fn triangle_count(&self) -> usize {
         self.faces.face_counts.iter().map(|corners| (*corners as usize).saturating_sub(2)).sum()

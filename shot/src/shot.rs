@@ -13,6 +13,7 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
 use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::Simulation;
+use drapery_io::attributes::{Attribute, PointAttributes};
 use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::FORMAT_VERSION;
 use drapery_io::error::IoError;
@@ -26,6 +27,7 @@ use crate::error::ShotError;
 use crate::farm::digest::{Fingerprint, Versions};
 use crate::inputs::Inputs;
 use crate::long_frames;
+use crate::point_attributes;
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::{JudgedBinding, RenderMesh};
 use crate::rules::{self, Facts, Warning};
@@ -40,6 +42,8 @@ pub struct Shot {
     /// These as they are written.
     pub(crate) written: Vec<GarmentMesh>,
     pub(crate) render_meshes: Vec<RenderMesh>,
+    /// Attributes at the points of the caches of garments, then of render meshes.
+    pub(crate) attributes: Vec<PointAttributes>,
     pub(crate) about: About,
     pub(crate) warnings: Vec<Warning>,
 }
@@ -117,6 +121,8 @@ impl Shot {
         let mut problems = inputs.check((&scene, &garments), last_frame, &mut warnings);
         problems.extend(single_layer::problem(&output, [first_frame, last_frame], (&garments, &render_meshes)));
         let (check, body_thickness) = (description.check, description.body_thickness);
+        let points: Vec<usize> = garments.iter().map(MeshStream::point_count).collect();
+        let thickness = point_attributes::thickness_of(&scene, &output, &points);
         let facts = Facts {
             scene: &scene,
             inputs: &inputs,
@@ -174,8 +180,10 @@ impl Shot {
         let (render_meshes, bindings): (Vec<RenderMesh>, Vec<JudgedBinding>) = bound.into_iter().unzip();
         warnings.extend(bindings.iter().filter_map(JudgedBinding::loose_in_words));
         of_rules.extend(rules::of_bindings(&bindings, &check.silenced));
+        let origin = remote_simulation.simulation().scene().origin();
+        let attributes = point_attributes::planned(&about.output, origin, (&written, &thickness), &render_meshes)?;
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
-        Ok(Self { remote_simulation, inputs, garments, written, render_meshes, about, warnings })
+        Ok(Self { remote_simulation, inputs, garments, written, render_meshes, attributes, about, warnings })
     }
 
     /// Returns warnings about suspicious input that was accepted.
@@ -216,6 +224,12 @@ impl Shot {
     /// Returns the description of the output.
     pub fn output(&self) -> &OutputDescription {
         &self.about.output
+    }
+
+    /// Bytes of the attributes of all garments in a sample of their caches, in each format, and of those that are there once.
+    pub fn attribute_bytes(&self) -> [usize; 2] {
+        let points: usize = self.written.iter().map(MeshStream::point_count).sum();
+        point_attributes::bytes_per_point(&self.about.output).map(|bytes| bytes * points)
     }
 
     /// For each body that is a mesh what keeps coarse faces from showing through, and whether the scene says otherwise; `None` for
@@ -270,14 +284,22 @@ impl Shot {
 
     /// Meshes that are rendered in the place of garments.
     pub fn render_meshes(&self) -> impl Iterator<Item = RenderMeshSize<'_>> {
-        let velocities = self.about.output.velocities;
+        let output = &self.about.output;
+        let [moving, _] = point_attributes::bytes_per_point(output);
+        // They have normals anyway.
+        let others = moving - if output.has(Attribute::Normals) { Attribute::Normals.bytes() } else { 0 };
         self.render_meshes.iter().map(move |mesh| RenderMeshSize {
             name: &mesh.name,
             garment: &self.about.garments[mesh.garment],
             points: mesh.mesh.point_count(),
             triangles: mesh.triangle_count(),
-            bytes_per_sample: mesh.bytes_per_sample(velocities),
+            bytes_per_sample: mesh.bytes_per_sample(output.velocities) + mesh.mesh.point_count() * others,
         })
+    }
+
+    /// Names of the caches: of all garments, then of all render meshes.
+    pub(crate) fn cache_names(&self) -> impl Iterator<Item = &str> {
+        self.about.garments.iter().chain(self.render_meshes.iter().map(|mesh| &mesh.name)).map(String::as_str)
     }
 
     /// Number of frames that a run computes, pre-roll included.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::error::Problem;
 use drapery_core::mesh::MeshStream;
+use drapery_io::attributes::Attribute;
 use drapery_io::convert::bytes_of;
 use drapery_io::formats::{FORMATS, Format, SingleFormat};
 use drapery_io::garment_mesh::GarmentMesh;
@@ -33,9 +34,12 @@ pub(crate) fn problem(
     let of_garments = garments.iter().fold(0, points);
     let of_render_meshes = render_meshes.iter().map(|mesh| &mesh.mesh).fold(0, points);
     // Positions, and velocities where they are stored; of render meshes normals too.
-    let each = 1 + u64::from(output.velocities);
-    let vectors = of_garments.saturating_mul(each).saturating_add(of_render_meshes.saturating_mul(each + 1));
-    let bytes = bytes_of(vectors.saturating_mul(samples));
+    let (each, normals) = (1 + u64::from(output.velocities), u64::from(output.has(Attribute::Normals)));
+    let of_render_meshes_alone = of_render_meshes.saturating_mul(each + 1);
+    let vectors = of_garments.saturating_mul(each + normals).saturating_add(of_render_meshes_alone);
+    let each = u64::from(output.has(Attribute::Strain)) + u64::from(output.has(Attribute::Contact));
+    let numbers = of_garments.saturating_add(of_render_meshes).saturating_mul(each);
+    let bytes = bytes_of(vectors.saturating_mul(samples), numbers.saturating_mul(samples));
     (bytes > single.most_bytes).then(|| {
         let (megabytes, most) = (bytes / 1_000_000, single.most_bytes / 1_000_000);
         Problem::scene(

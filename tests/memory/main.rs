@@ -129,6 +129,7 @@ fn write_abc(mesh: &dyn MeshStream, path: &Path) {
         sub_frames: &[],
         normals: false,
         crossings: false,
+        attributes: Default::default(),
     };
     let create = formats::by_extension("abc").and_then(|format| format.create).expect("Alembic is written");
     let mut writer = create(path, &plan).expect("a cache");
@@ -140,6 +141,7 @@ fn write_abc(mesh: &dyn MeshStream, path: &Path) {
             velocities: &[],
             normals: &[],
             crossings: None,
+            values: Default::default(),
         })
         .expect("a frame");
     writer.finish().expect("a file");

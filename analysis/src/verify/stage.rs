@@ -5,7 +5,7 @@ use std::path::Path;
 use drapery_io::cache_frames::{CacheFrames, CacheMesh, StoredFrame};
 use drapery_io::error::IoError;
 
-use super::{Cache, Motion, Verification, applications};
+use super::{Cache, Motion, Verification, applications, attributes};
 
 /// Opens a stage and checks the rules that concern it alone.
 pub(super) fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
@@ -142,6 +142,9 @@ impl MeshCheck<'_> {
         }
         if let Some(vertex) = frame.velocities.as_deref().and_then(first_bad) {
             return Some(format!("vertex {vertex}: the velocity is not a finite number"));
+        }
+        if let Some(what) = attributes::wrong_in(frame) {
+            return Some(what);
         }
         (!frame.has_bounds_of_points).then(|| "the extent does not match the points".to_owned())
     }

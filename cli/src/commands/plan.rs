@@ -100,6 +100,14 @@ fn scene_text(shot: &Shot) -> String {
             bytes_per_sample as f64 / 1e3
         );
     }
+    if !shot.output().attributes.is_empty() {
+        let [moving, still] = shot.attribute_bytes().map(|bytes| bytes as f64 / 1e3);
+        let words: Vec<&str> = shot.output().attributes.iter().map(|attribute| attribute.word()).collect();
+        text += &format!(
+            "attributes {}: {moving:.1} kB per frame and {still:.1} kB once, in each format\n",
+            words.join(", ")
+        );
+    }
     let found = shot.body_thickness().iter().copied().chain(std::iter::repeat(None));
     for (body, found) in scene.description().bodies.iter().zip(found) {
         text += &format!("body {}: friction {}, thickness {} m", body.name, body.friction, body.thickness);
@@ -197,6 +205,7 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
+        "attributes": attributes_json(shot),
         "faces": if shot.output().triangles { "triangles" } else { "original" },
         "body_thickness": bodies_json(shot),
         "contacts": contacts::as_json(shot.simulation().scene().description()),
@@ -207,6 +216,13 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "resolved": shot.resolved(),
     });
     with(effects::as_json(shot.simulation(), costs), rest)
+}
+
+/// Attributes at the points of garments, and their bytes in each format.
+fn attributes_json(shot: &Shot) -> Value {
+    let [moving, still] = shot.attribute_bytes();
+    let words: Vec<&str> = shot.output().attributes.iter().map(|attribute| attribute.word()).collect();
+    json!({"names": words, "bytes_per_sample": moving, "bytes_once": still})
 }
 
 /// Numbers that change over time; nothing without any.

@@ -105,6 +105,16 @@ impl SurfaceBinding {
         self.points.par_iter().map(moved).unzip()
     }
 
+    /// Numbers of the bound points, from one for each vertex of the surface, linear in each triangle.
+    pub fn interpolated(&self, numbers: &[f32]) -> Vec<f32> {
+        let of_point = |point: &BoundPoint| {
+            let corners = self.frames.triangles[point.triangle as usize];
+            let parts = corners.iter().zip(point.weights).map(|(v, weight)| f64::from(numbers[*v as usize]) * weight);
+            parts.sum::<f64>() as f32
+        };
+        self.points.par_iter().map(of_point).collect()
+    }
+
     /// Place of a point, its offset as it is turned now, and its frame.
     fn place(&self, point: &BoundPoint, x: &[Vec3], triangles: &[Frame], vertices: &[Frame]) -> (Vec3, Vec3, Frame) {
         let corners = self.frames.triangles[point.triangle as usize];

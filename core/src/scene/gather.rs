@@ -15,7 +15,7 @@ struct MergedNumber {
 /// Value that the vertex in a row takes from the vertex that it follows.
 struct MergedValue {
     row: u32,
-    /// Position [m] or velocity [m/s].
+    /// Position [m], velocity [m/s], or a number in every component.
     value: Vec3,
 }
 
@@ -58,23 +58,39 @@ impl Scene {
         local: LocalValues<'_>,
         convert: &(dyn Fn(&Vec3) -> T + Sync),
     ) -> Option<Vec<T>> {
+        let mut all = self.gather_own(garment, &|vertex| convert(&local.values[vertex]));
+        self.put_merged_vertices(garment, &|merged, leader| local.of_merged(merged, leader), convert, &mut all);
+        self.parts().ranks().is_first().then_some(all)
+    }
+
+    /// One number for each vertex of a garment in its own order, of one for each local vertex: on rank 0, `None` elsewhere. What
+    /// goes with another vertex has the number of that one. All ranks call it together.
+    pub(crate) fn gather_numbers(&self, garment: usize, local: &[f64]) -> Option<Vec<f32>> {
+        let mut all = self.gather_own(garment, &|vertex| local[vertex] as f32);
+        // In the message of vectors, each with the number in all components.
+        let of_leader = |_: &MergedVertex, leader: usize| Vec3::repeat(local[leader]);
+        self.put_merged_vertices(garment, &of_leader, &|number| number.x as f32, &mut all);
+        self.parts().ranks().is_first().then_some(all)
+    }
+
+    /// Values of a garment's own vertices, given by their local numbers, in the garment's order; nothing but on rank 0.
+    fn gather_own<T: Pod>(&self, garment: usize, of_vertex: &dyn Fn(usize) -> T) -> Vec<T> {
         let (parts, ranks) = (self.parts(), self.parts().ranks());
         let own = parts.own_of_garment(garment);
-        let values = &local.values[own.clone()];
-        let numbers = &parts.own_numbers()[own];
+        let numbers = &parts.own_numbers()[own.clone()];
         let count = parts.partition().garments()[garment].len();
         let mut all = vec![T::zeroed(); if ranks.is_first() { count } else { 0 }];
         let mut put = |numbers: &[u32], values: &mut dyn Iterator<Item = T>| {
             numbers.iter().zip(values).for_each(|(number, value)| all[*number as usize] = value);
         };
         if ranks.is_first() {
-            put(numbers, &mut values.iter().map(convert));
+            put(numbers, &mut own.clone().map(of_vertex));
         }
         if !ranks.is_alone() {
             // Rank after rank, so that rank 0 never holds more than what it hands on and the share of one.
             for rank in 1..ranks.count() {
                 let here = rank == ranks.rank();
-                let values: Vec<T> = if here { values.iter().map(convert).collect() } else { Vec::new() };
+                let values: Vec<T> = if here { own.clone().map(of_vertex).collect() } else { Vec::new() };
                 let numbers = ranks.send_to_root(rank, if here { numbers } else { &[] });
                 let values = ranks.send_to_root(rank, &values);
                 if ranks.is_first() {
@@ -82,15 +98,14 @@ impl Scene {
                 }
             }
         }
-        self.put_merged_vertices(garment, local, convert, &mut all);
-        ranks.is_first().then_some(all)
+        all
     }
 
-    /// Puts what takes no part to where the vertex is that it follows.
+    /// Puts what takes no part to where the vertex is that it follows; `of_merged` is its value, from its leader's local number.
     fn put_merged_vertices<T>(
         &self,
         garment: usize,
-        local: LocalValues<'_>,
+        of_merged: &dyn Fn(&MergedVertex, usize) -> Vec3,
         convert: &(dyn Fn(&Vec3) -> T + Sync),
         all: &mut [T],
     ) {
@@ -108,7 +123,7 @@ impl Scene {
             let own_index = |number: u32| parts.local(number).filter(|index| own.contains(index));
             let number = |index: usize| MergedNumber { row, number: parts.own_numbers()[index] };
             numbers.extend(own_index(merged.vertex).map(number));
-            let value = |leader: usize| MergedValue { row, value: local.of_merged(merged, leader) };
+            let value = |leader: usize| MergedValue { row, value: of_merged(merged, leader) };
             values.extend(own_index(merged.leader).map(value));
         }
         let mut number_of = vec![0; merged_vertices.len()];

@@ -42,6 +42,7 @@ mod planted_errors;
 mod recovery;
 mod start;
 mod start_state;
+mod touch;
 
 pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;

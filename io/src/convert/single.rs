@@ -17,9 +17,12 @@ use crate::garment_mesh::GarmentMesh;
 /// Bytes of a vector in single precision.
 const VECTOR: u64 = 12;
 
-/// Bytes that so many vectors take in one file.
-pub fn bytes_of(vectors: u64) -> u64 {
-    vectors.saturating_mul(VECTOR)
+/// Bytes of a number in single precision.
+const NUMBER: u64 = 4;
+
+/// Bytes that these numbers of vectors and of single values take in one file.
+pub fn bytes_of(vectors: u64, numbers: u64) -> u64 {
+    vectors.saturating_mul(VECTOR).saturating_add(numbers.saturating_mul(NUMBER))
 }
 
 /// A mesh that goes into the file.
@@ -108,17 +111,17 @@ fn works<'a>(
     };
     let works = parts.iter().map(work).collect::<Result<Vec<_>, IoError>>()?;
     let bytes_of = |(work, samples): &(Work<'_>, &Chosen)| {
-        let CachePlan { velocities, normals, mesh, .. } = &work.plan;
-        let vectors = 1 + u64::from(*velocities) + u64::from(*normals);
-        let samples = samples.all.len() as u64;
-        bytes_of((mesh.point_count() as u64).saturating_mul(samples).saturating_mul(vectors))
+        let CachePlan { velocities, normals, mesh, attributes, .. } = &work.plan;
+        let (vectors, numbers) = (1 + u64::from(*velocities) + u64::from(*normals), attributes.moving().count() as u64);
+        let values = (mesh.point_count() as u64).saturating_mul(samples.all.len() as u64);
+        bytes_of(values.saturating_mul(vectors), values.saturating_mul(numbers))
     };
     let bytes = works.iter().map(bytes_of).fold(0_u64, u64::saturating_add);
     if bytes <= single.most_bytes {
         return Ok(works);
     }
     let (megabytes, most) = (bytes / 1_000_000, single.most_bytes / 1_000_000);
-    let what = format!("positions, velocities and normals take {megabytes} MB, and one layer has at most {most} MB");
+    let what = format!("positions, velocities and attributes take {megabytes} MB, and one layer has at most {most} MB");
     let advice = "choose fewer frames with --frames A-B or one mesh with --object, or write a .usd file: each of its frames is a \
                   layer of its own";
     Err(IoError::data(&conversion.to, "size", what, advice))

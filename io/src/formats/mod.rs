@@ -4,6 +4,7 @@ pub mod alembic;
 mod continuing;
 pub mod hdf5;
 mod obj;
+mod point_cache;
 #[cfg(feature = "usd")]
 mod usd;
 
@@ -139,6 +140,8 @@ pub struct Format {
     pub opens_in_applications: bool,
     /// Whether its caches hold whole frames alone, and no samples between them.
     pub whole_frames: bool,
+    /// Whether its caches hold points and nothing else, counted from the origin of the world.
+    pub holds_points_alone: bool,
     /// Whether it has a place for materials that meshes are bound to, for their purpose, and for whether both sides are rendered.
     pub binds_materials: bool,
     /// Whether a file may be made of others, wherever these lie.
@@ -170,6 +173,7 @@ impl Format {
             summary,
             opens_in_applications: true,
             whole_frames: false,
+            holds_points_alone: false,
             binds_materials: false,
             refers_to_others: false,
             open: None,
@@ -198,6 +202,8 @@ pub static FORMATS: &[Format] = &[
     usd::USDC,
     #[cfg(feature = "usd")]
     usd::USDZ,
+    point_cache::PC2,
+    point_cache::MDD,
 ];
 
 /// The format with this extension or word.

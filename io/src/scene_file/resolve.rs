@@ -8,6 +8,7 @@ use drapery_core::geometry::coarseness::Ridges;
 use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription, SolverSettings, Timeline};
 use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
+use crate::attributes::Attribute;
 use crate::error::IoError;
 use crate::formats::by_extension;
 use crate::garment_mesh::GarmentMesh;
@@ -107,6 +108,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     resolver.contacts();
     resolver.effects();
     resolver.formats();
+    resolver.attributes();
     resolver.shutter();
     resolver.single_layer();
     let check = resolver.check_description();
@@ -160,7 +162,11 @@ fn output(scene: &SceneFile) -> OutputDescription {
         raw::Format::H5 => "h5".to_owned(),
         raw::Format::Usd => "usd".to_owned(),
     };
+    let mut attributes: Vec<Attribute> = output.attributes.iter().map(|written| (*written).into()).collect();
+    attributes.sort_unstable();
+    attributes.dedup();
     OutputDescription {
+        attributes,
         formats: output.format.iter().map(word).collect(),
         units: scene.document.units.map_or(Units::SI, written),
         velocities: output.velocities,
@@ -324,6 +330,16 @@ impl Resolver<'_> {
             let here = Path::default().key("output").key("usd_single");
             let help = "add \"usd\" to output.format, or leave usd_single out".to_owned();
             self.error_with(&here, "there are no USD caches that could be one layer", help);
+        }
+    }
+
+    /// Attributes that are named twice.
+    fn attributes(&mut self) {
+        let written = &self.scene.document.output.attributes;
+        for index in (0..written.len()).filter(|index| written[..*index].contains(&written[*index])) {
+            let here = Path::default().key("output").key("attributes").index(index);
+            let word = Attribute::from(written[index]).word();
+            self.error_with(&here, format!("the attribute \"{word}\" is listed twice"), "list it once".to_owned());
         }
     }
 

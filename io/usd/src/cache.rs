@@ -13,7 +13,7 @@ use openusd::sdf::{self, AbstractData, Value};
 use openusd::{usda, usdc};
 
 use crate::read::promises;
-use crate::write::CacheLayer;
+use crate::write::{CacheLayer, primvar_of};
 
 /// Largest layer of text that is taken for one of ours [bytes]: far more than a million frames need.
 const LARGEST_LAYER: u64 = 1 << 30;
@@ -82,6 +82,12 @@ pub struct Still {
     pub face_indices: Vec<u32>,
     /// The triangles that were simulated, if they are not just the faces.
     pub triangles: Option<Vec<[i32; 3]>>,
+    /// Words for the attributes at the points that are this program's.
+    pub attributes: Option<String>,
+    /// Primvars of vectors at the points that do not move.
+    pub vectors: HashMap<String, Vec<[f32; 3]>>,
+    /// Primvars of numbers at the points that do not move.
+    pub numbers: HashMap<String, Vec<f32>>,
 }
 
 /// A frame.
@@ -97,6 +103,8 @@ pub struct Frame {
     pub extent: Vec<[f32; 3]>,
     /// Crossings of the shot.
     pub crossings: Option<u32>,
+    /// Numbers at the points, by their names.
+    pub numbers: HashMap<String, Vec<f32>>,
 }
 
 impl Cache {
@@ -223,7 +231,16 @@ impl Cache {
             Some(Value::Uint(count)) => Some(count),
             _ => None,
         };
-        Ok(Frame { points, velocities, normals, extent: vectors("extent")?.unwrap_or_default(), crossings })
+        let mut numbers = HashMap::new();
+        for word in self.still.attributes.iter().flat_map(|words| words.split(' ')) {
+            if let Some(Value::FloatVec(all)) = sample(&primvar_of(word))? {
+                if all.len() != points.len() {
+                    return Err(damaged(format!("{word} has {} values for {} points", all.len(), points.len())));
+                }
+                numbers.insert(word.to_owned(), all);
+            }
+        }
+        Ok(Frame { points, velocities, normals, extent: vectors("extent")?.unwrap_or_default(), crossings, numbers })
     }
 }
 
@@ -297,6 +314,18 @@ fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
     }
     if let Some(Value::Vec3iVec(triangles)) = default(&mesh, "drapery:triangles")? {
         still.triangles = Some(triangles.into_iter().map(Into::into).collect());
+    }
+    if let Some(Value::String(words)) = default(&mesh, "drapery:attributes")? {
+        for word in words.split(' ') {
+            match default(&mesh, &primvar_of(word))? {
+                Some(Value::Vec3fVec(all)) => {
+                    still.vectors.insert(word.to_owned(), all.into_iter().map(<[f32; 3]>::from).collect());
+                }
+                Some(Value::FloatVec(all)) => drop(still.numbers.insert(word.to_owned(), all)),
+                _ => {}
+            }
+        }
+        still.attributes = Some(words);
     }
     Ok((mesh, still))
 }

@@ -17,6 +17,11 @@ fn points(frame: i64) -> Vec<[f32; 3]> {
     vec![[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, -z], [0.0, 1.0, z], [2.0, 0.5, f32::MIN_POSITIVE]]
 }
 
+/// Strain at these points.
+fn strain(frame: i64) -> Vec<f32> {
+    vec![0.0, 0.25, -0.5, 1.0, frame as f32]
+}
+
 fn bound(path: &str) -> BoundMaterial {
     BoundMaterial { path: path.to_owned(), ..BoundMaterial::default() }
 }
@@ -49,6 +54,8 @@ fn still(path: &MeshPath) -> StillMesh<'_> {
         velocities: true,
         normals: true,
         crossings: true,
+        numbers: vec!["strain"],
+        attributes: Some("strain".to_owned()),
     }
 }
 
@@ -60,14 +67,16 @@ fn write(folder: &Path) -> (PathBuf, PathBuf) {
     fs::write(clips.join(CacheLayer::TOPOLOGY), topology(UNITS, still(&path)).unwrap()).unwrap();
     fs::write(
         clips.join(CacheLayer::MANIFEST),
-        clip_manifest(UNITS, &path, Members { velocities: true, normals: true, crossings: true }),
+        clip_manifest(UNITS, &path, Members { velocities: true, normals: true, crossings: true, numbers: &["strain"] }),
     )
     .unwrap();
     for frame in [-1, 0] {
         let points = points(frame);
         let time_code = frame as f64;
         let (velocities, normals) = (Some(&points[..]), Some(&points[..]));
-        let moving = Moving { time_code, points: &points, velocities, normals, crossings: Some(3) };
+        let strain = strain(frame);
+        let numbers: &[(&str, &[f32])] = &[("strain", &strain)];
+        let moving = Moving { time_code, points: &points, velocities, normals, crossings: Some(3), numbers };
         fs::write(clips.join(CacheLayer::clip(frame, 0)), clip(UNITS, &path, &moving).unwrap()).unwrap();
     }
     let layer = CacheLayer {
@@ -96,8 +105,10 @@ fn what_is_written_is_read_back() {
     assert_eq!((&still.face_counts[..], &still.face_indices[..]), (&[4, 3][..], &[0, 1, 2, 3, 1, 4, 2][..]));
     assert_eq!(still.origin, [1e5, -2.5, 0.0]);
     assert_eq!(still.triangles.as_deref(), Some(&[[0, 1, 2], [0, 2, 3], [1, 4, 2]][..]));
+    assert_eq!(still.attributes.as_deref(), Some("strain"));
     for (index, frame) in [-1, 0].into_iter().enumerate() {
         let read = cache.frame(index).unwrap();
+        assert_eq!(read.numbers["strain"], strain(frame));
         assert_eq!(
             (&read.points, read.velocities.as_ref(), read.crossings),
             (&points(frame), Some(&points(frame)), Some(3))

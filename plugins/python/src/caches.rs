@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard};
 
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
+use drapery_io::attributes::{PointAttributes, PointValues};
 use drapery_io::cache::{self, CacheFrame, CachePlan};
 use drapery_io::cache_frames::{CacheFrames, CacheMesh};
 use drapery_io::error::IoError;
@@ -246,6 +247,7 @@ impl CacheWriter {
                 normals: false,
                 crossings: false,
                 sub_frames: &[],
+                attributes: PointAttributes::default(),
             },
         );
         let file = Mutex::new(Some(file.map_err(raised)?));
@@ -281,6 +283,7 @@ impl CacheWriter {
             velocities: velocities.as_deref().unwrap_or_default(),
             normals: &[],
             crossings: None,
+            values: PointValues::default(),
         };
         py.detach(|| writer.write(&sample)).map_err(raised)?;
         *next += 1;

@@ -63,8 +63,8 @@ const GONE: [(&str, &str); 5] = [
 ];
 const STRAIN_PER_STEP: (&str, &str) = ("solver.strain_per_step", "0.1");
 
-/// Keys of the scene that say what caches hold: velocities, and which faces.
-const FORM: [&str; 2] = ["output.velocities", "output.faces"];
+/// Keys of the scene that say what caches hold: velocities, which faces, and attributes.
+const FORM: [&str; 3] = ["output.velocities", "output.faces", "output.attributes"];
 
 /// Longest value that is shown in full, in characters.
 const SHOWN: usize = 48;
@@ -153,7 +153,7 @@ impl Fingerprint {
     }
 
     /// Returns the values of the scene for the contents of caches.
-    pub(crate) fn form_of_caches(&self) -> [Option<&str>; 2] {
+    pub(crate) fn form_of_caches(&self) -> [Option<&str>; 3] {
         FORM.map(|key| self.scene.get(key).map(String::as_str))
     }
 }

@@ -80,7 +80,7 @@ impl Earlier {
         self.manifest["last_complete_frame"].as_i64()
     }
 
-    /// Whether its caches hold velocities or faces where those of a shot would not, or the other way round.
+    /// Whether its caches hold velocities, faces or attributes where those of a shot would not, or the other way round.
     pub(super) fn has_other_form(&self, now: &Fingerprint) -> bool {
         self.fingerprint.as_ref().is_some_and(|then| then.form_of_caches() != now.form_of_caches())
     }
@@ -192,4 +192,9 @@ pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoEr
         Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
         None => Ok(()),
     }
+}
+
+/// Name of a file without its folder.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -8,6 +8,7 @@ use drapery_core::mesh::MeshStream;
 use drapery_core::metrics::Metrics;
 use drapery_core::scene::gather::VertexField;
 use drapery_io::atomic_file;
+use drapery_io::attributes::Attribute;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
 use drapery_io::convert::write_shot;
@@ -21,10 +22,11 @@ use crate::error::ShotError;
 use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::frame_digest::{FrameDigests, GarmentDigests};
+use crate::point_attributes::FrameAttributes;
 use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
-use crate::run::folder::{files_of_run, remove, write_fingerprint};
+use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
@@ -43,6 +45,7 @@ pub(super) struct Output {
     writers: Vec<Vec<Box<dyn CacheWriter>>>,
     units: Units,
     velocities: bool,
+    attributes: FrameAttributes,
     /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
     crossings: bool,
     /// Faces that others may cut otherwise, if there are any.
@@ -192,6 +195,7 @@ impl Output {
         let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
         let garments = shot.garments.len();
         let faces = WrittenFaces::of(&shot.written, &shot.inputs, shot.simulation(), units)?;
+        let attributes = FrameAttributes::of(&about.output, &shot.written)?;
         let other_cuts = Vec::new();
         Ok(Self {
             folder,
@@ -200,6 +204,7 @@ impl Output {
             writers,
             units,
             velocities,
+            attributes,
             crossings,
             faces,
             other_cuts,
@@ -312,6 +317,7 @@ impl Output {
         remote_simulation: &RemoteSimulation,
         crossings: Option<u32>,
     ) -> Result<FrameDigests, IoError> {
+        self.attributes.take(remote_simulation);
         let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
         let of_garments = self.writers.iter_mut().take(self.garments).enumerate();
@@ -324,8 +330,11 @@ impl Output {
             };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             self.faces.iter_mut().for_each(|faces| faces.place(garment, positions));
+            let normals = &self.attributes.normals(garment, positions)[..];
+            let strain = self.attributes.strain(garment, positions);
+            let values = self.attributes.values(garment, &strain);
             for writer in writers {
-                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &[], crossings })?;
+                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings, values })?;
             }
             let name = self.manifest.garments[garment].name.clone();
             digests.insert(name, GarmentDigests::of(positions, velocities));
@@ -349,8 +358,10 @@ impl Output {
             let (x, v) = (field(VertexField::Positions), with_velocities.then(|| field(VertexField::Velocities)));
             let placed = mesh.placed(&x, v.as_deref(), (units, origin));
             let (positions, velocities, normals) = (&placed.positions[..], &placed.velocities[..], &placed.normals[..]);
+            let (crossings, values) = (None, self.attributes.followed(mesh.garment, mesh.binding(), (&x, origin)));
+            let values = values.values();
             for writer in writers {
-                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings: None })?;
+                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings, values })?;
             }
             digests.insert(mesh.name.clone(), GarmentDigests::of(positions, velocities));
         }
@@ -509,15 +520,6 @@ fn paths(planned: &[Planned]) -> Vec<PathBuf> {
     planned.iter().map(|cache| cache.path.clone()).collect()
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// Names of all garments, then of all render meshes.
-fn names(shot: &Shot) -> impl Iterator<Item = &str> {
-    shot.about.garments.iter().chain(shot.render_meshes.iter().map(|mesh| &mesh.name)).map(String::as_str)
-}
-
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
     let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
@@ -531,7 +533,7 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
         };
         writable.iter().map(cache).collect()
     };
-    names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
+    shot.cache_names().enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
 }
 
 fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
@@ -546,10 +548,11 @@ fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
         first_frame: about.first_frame,
         last_frame: about.last_frame,
         velocities: about.output.velocities,
-        normals: render_mesh.is_some(),
+        normals: render_mesh.is_some() || about.output.has(Attribute::Normals),
         // Counted of what is simulated.
         crossings: about.keeps_free && render_mesh.is_none(),
         sub_frames: &about.output.sub_frames,
+        attributes: shot.attributes[object].clone(),
     }
 }
 
@@ -557,7 +560,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let about = &shot.about;
     let followed = shot.render_meshes.iter().map(|mesh| Some(about.garments[mesh.garment].clone()));
     let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
-    let garments = names(shot).zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
+    let garments = shot.cache_names().zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
         let (plan, fabric) = (cache_plan(shot, index), about.fabrics.get(index).and_then(Option::as_ref));
         ManifestGarment {
             name: name.to_owned(),

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use drapery_io::attributes::{FromPositions, StoredValues};
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::{Between, CacheFrames};
 use drapery_io::error::IoError;
@@ -71,6 +72,7 @@ impl NewForm<'_> {
         let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
         let samples_of = |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
         let samples = (self.plan.first_frame..=last.0).flat_map(|frame| samples_of(frame).map(move |k| (frame, k)));
+        let strain = self.strain()?;
         for (frame, sub_frame) in samples {
             let sample = self.sample(&frames, (frame, sub_frame)).map_err(lacks)?;
             let positions = self.positions(&frames, sample)?;
@@ -88,13 +90,29 @@ impl NewForm<'_> {
             let faces = &frames.meshes[0].faces;
             let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
             let normals = if self.plan.normals { of_points() } else { Vec::new() };
-            writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &normals, crossings })?;
+            let stored = frames.samples.frame(0, sample)?.values;
+            let of_points = strain.has_strain().then(|| strain.strain(positions, self.plan.units.length.metres()));
+            let values = StoredValues { strain: of_points.or(stored.strain), contact: stored.contact };
+            let asked = [self.plan.attributes.strain, self.plan.attributes.contact];
+            for (_, name) in asked.into_iter().zip(["strain", "contact"]).filter(|(is_asked, _)| *is_asked) {
+                if !values.named().any(|(held, _)| held == name) {
+                    return Err(lacks(format!("it holds no {name}")));
+                }
+            }
+            let (normals, values) = (&normals[..], values.values());
+            writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings, values })?;
             let stored = if self.plan.velocities { velocities } else { &[] };
             if sub_frame == 0 {
                 take(frame, GarmentDigests::of(positions, stored));
             }
         }
         Ok(())
+    }
+
+    /// Strain from the positions of a garment; a render mesh has that of its garment, which only an earlier cache holds.
+    fn strain(&self) -> Result<FromPositions, IoError> {
+        let is_asked = self.plan.attributes.strain && self.plan.mesh.read()?.render_mesh_of.is_none();
+        FromPositions::new(self.plan.mesh, false, is_asked)
     }
 
     /// The number in a cache of the sample that lies so many samples behind a frame, or what it lacks.

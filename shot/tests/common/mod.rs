@@ -34,6 +34,7 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
             sub_frames: Vec::new(),
             preroll: false,
             usd_single: false,
+            attributes: Vec::new(),
             triangles: false,
         },
         resolved: String::new(),

@@ -130,6 +130,7 @@ fn usd_cache(sub_frames: &[f64]) -> Result<Vec<u8>, Box<dyn std::error::Error>> 
         normals: false,
         sub_frames,
         crossings: true,
+        attributes: Default::default(),
     };
     let create = formats::by_extension("usd").and_then(|format| format.create).ok_or("a build without USD")?;
     let path = folder.join("cloth.usd");
@@ -143,6 +144,7 @@ fn usd_cache(sub_frames: &[f64]) -> Result<Vec<u8>, Box<dyn std::error::Error>> 
             velocities: &positions,
             normals: &[],
             crossings: Some(0),
+            values: Default::default(),
         })?;
     }
     writer.finish()?;

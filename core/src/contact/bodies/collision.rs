@@ -14,6 +14,7 @@ mod marks;
 mod pinch;
 mod rules;
 mod supports;
+pub(crate) mod touch;
 
 use std::ops::Range;
 

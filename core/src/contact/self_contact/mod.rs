@@ -7,6 +7,7 @@
 mod intersections;
 mod per_time_step;
 pub(super) mod substeps;
+mod touch;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;

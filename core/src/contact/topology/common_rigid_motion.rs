@@ -20,7 +20,7 @@ const TERMS: usize = 12;
 
 /// The nodes that stand for all: every fourth of each block of sums and of the bodies' points, whoever has them. Sums over
 /// them have the same bits on any number of ranks.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Samples {
     /// Own nodes of each block, counted from the first own.
     blocks: Vec<Range<usize>>,

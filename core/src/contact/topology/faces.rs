@@ -16,7 +16,7 @@ use crate::geometry::crossings::{EdgeOwners, FACE};
 const POINTS: u32 = 4;
 
 /// Triangles and what hangs on them.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Faces {
     triangles: Vec<[u32; 3]>,
     /// Edges that each triangle carries, and whether it takes part as a triangle.
@@ -127,7 +127,7 @@ fn edges_of(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
 }
 
 /// Things that hang on triangles, in the order of the triangles.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Carried<T> {
     items: Vec<T>,
     /// First item of each triangle, and their number at the end.

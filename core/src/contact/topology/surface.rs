@@ -23,7 +23,7 @@ use crate::scene::{BodyShape, Scene};
 const UNKNOWN: u32 = u32::MAX;
 
 /// The surfaces of a scene that can touch.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct ContactSurface {
     nodes: ContactNodes,
     /// Ghosts that are there always, by their numbers in the scene, ascending: the other corners of own triangles.
@@ -68,7 +68,7 @@ pub(crate) struct BodyRepulsion {
 }
 
 /// Rules of contact by pair, as far as a surface needs them.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Rules {
     matrix: ContactMatrix,
     /// Groups by what ignores what; `None` if nothing ignores anything.

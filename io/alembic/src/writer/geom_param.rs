@@ -106,6 +106,11 @@ impl GeomParamWriter {
         self.indices.is_some()
     }
 
+    /// Number of samples.
+    pub fn sample_count(&self, archive: &ArchiveWriter) -> usize {
+        archive.sample_count(self.values)
+    }
+
     /// Whether the last sample has these values and indices.
     pub(super) fn last_is<T: PodValue>(&self, archive: &ArchiveWriter, values: &[T], indices: Option<&[u32]>) -> bool {
         archive.last_sample_is(self.values, values)

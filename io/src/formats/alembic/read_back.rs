@@ -11,6 +11,7 @@ use globset::escape;
 
 use super::read::{AlembicMesh, SAME_TIME, blend, changed, merge_times, transform_times};
 use super::write::{CROSSINGS, TRIANGLES, bounds_of, shifted};
+use crate::attributes::{LISTED, PREF, PointAttributes, StoredValues, THICKNESS};
 use crate::cache_frames::rates::film_rate;
 use crate::cache_frames::transforms::in_world;
 use crate::cache_frames::{
@@ -43,6 +44,7 @@ struct ArchiveSamples {
 struct ArchiveMesh {
     mesh: PolyMesh,
     samples: Vec<Sample>,
+    attributes: PointAttributes,
 }
 
 /// A time at which points, or a transform above them, are stored.
@@ -103,12 +105,12 @@ impl CacheSamples for ArchiveSamples {
         let (number, _, share) = mesh.samples[sample].around;
         if share > 0.0 {
             let (positions, velocities) = (mesh.points(&self.archive, sample)?, mesh.velocities(sample)?);
-            let (normals, crossings) = (None, None);
-            return Ok(StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points: true });
+            let (normals, crossings, values) = (None, None, StoredValues::default());
+            return Ok(StoredFrame { positions, velocities, normals, crossings, values, has_bounds_of_points: true });
         }
         let bounds = self.bounds.as_ref().filter(|bounds| number < bounds.len());
         let of_file = bounds.map(|bounds| bounds.elements::<f64, 6>(number)).transpose()?;
-        stored(&mesh.mesh, number, of_file.and_then(|all| all.first().copied()))
+        stored((&self.path, &mesh.mesh), number, &mesh.attributes, of_file.and_then(|all| all.first().copied()))
     }
 
     fn attributes(&self, mesh: usize, about: &CacheMesh) -> Result<MeshData, IoError> {
@@ -117,7 +119,7 @@ impl CacheSamples for ArchiveSamples {
     }
 
     fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
-        let ArchiveMesh { mesh, samples } = &self.meshes[mesh];
+        let ArchiveMesh { mesh, samples, .. } = &self.meshes[mesh];
         if mesh.topology_variance() != TopologyVariance::Heterogeneous {
             return Ok(None);
         }
@@ -130,7 +132,7 @@ impl CacheSamples for ArchiveSamples {
 }
 
 /// Properties of a mesh that are not handed through, a sentence each.
-fn left_out(mesh: &PolyMesh) -> Vec<String> {
+fn left_out(mesh: &PolyMesh, ours: &PointAttributes) -> Vec<String> {
     let name = mesh.object().path();
     let mut sentences = Vec::new();
     if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
@@ -142,7 +144,8 @@ fn left_out(mesh: &PolyMesh) -> Vec<String> {
         sentences.push(format!("{name}: normals {of} are left out: a cache has them at points"));
     }
     let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
-    let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
+    let others = mesh.attributes().into_iter().filter(|param| !ours.has(param.name(), PREF));
+    let moving = others.chain(mesh.uv()).filter(moving);
     sentences.extend(
         moving.map(|param| format!("{name}: {} is animated; its first value is used in all frames", param.name())),
     );
@@ -167,14 +170,16 @@ impl ArchiveMesh {
         let Sorted { frames, between, samples, counted } = sorted(&times, fps);
         let sample = |number: usize| Sample { time: times[number], around: around(&mesh, times[number]) };
         let samples = samples.into_iter().map(sample).collect();
-        let found = Self { mesh, samples };
+        let attributes = attributes_of(archive.path(), &mesh)?;
+        let found = Self { mesh, samples, attributes };
         let mut described = CacheMesh {
             name: found.mesh.object().path().to_owned(),
             frames,
             between,
             counts_samples: counted,
             is_still: found.samples.len() <= 1,
-            left_out: left_out(&found.mesh),
+            left_out: left_out(&found.mesh, &found.attributes),
+            attributes: found.attributes.clone(),
             ..CacheMesh::default()
         };
         if let Some(first) = found.samples.first() {
@@ -263,8 +268,52 @@ pub fn faces_of(mesh: &PolyMesh) -> Option<Connectivity> {
     counter_clockwise(mesh, 0).ok()
 }
 
+/// Attributes at the points of a mesh that this program wrote, beside normals.
+fn attributes_of(path: &Path, mesh: &PolyMesh) -> Result<PointAttributes, IoError> {
+    let listed = mesh.user_properties().and_then(|properties| properties.samples(LISTED)?.strings(0).ok()?.pop());
+    let Some(listed) = listed else { return Ok(PointAttributes::default()) };
+    let points = mesh.positions(0)?.len();
+    let rest = || numbers_at_points::<3>((path, mesh), PREF, 0, points);
+    let thickness = || Ok(numbers_at_points::<1>((path, mesh), THICKNESS, 0, points)?.into_iter().flatten().collect());
+    PointAttributes::of_listed(&listed, rest, thickness)
+}
+
+/// The values of an attribute that the mesh lists, `N` numbers of single precision for each point.
+fn numbers_at_points<const N: usize>(
+    (path, mesh): (&Path, &PolyMesh),
+    name: &str,
+    sample: usize,
+    points: usize,
+) -> Result<Vec<[f32; N]>, IoError> {
+    let damaged = |what: String| {
+        let place = format!("{}, attribute {name}", mesh.object().path());
+        IoError::data(path, place, what, "it is damaged: copy it again, or run the shot again")
+    };
+    let is_it = |param: &GeomParam| {
+        param.name() == name
+            && param.scope() == Scope::Vertex
+            && param.data_type() == DataType::new(PodType::F32, N as u8)
+    };
+    let found = mesh.attributes().into_iter().find(is_it);
+    let found = found.ok_or_else(|| damaged("the cache lists it but does not hold it at its points".to_owned()))?;
+    let held = found.samples();
+    if sample >= held.len() {
+        return Err(damaged(format!("it has {} samples, and sample {sample} is missing", held.len())));
+    }
+    let values = held.elements::<f32, N>(sample)?;
+    if values.len() != points {
+        return Err(damaged(format!("it has {} values for {points} points", values.len())));
+    }
+    Ok(values)
+}
+
 /// All that is stored of a sample; `of_file` are the bounds of everything in it.
-fn stored(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
+fn stored(
+    (path, mesh): (&Path, &PolyMesh),
+    sample: usize,
+    attributes: &PointAttributes,
+    of_file: Option<Bounds>,
+) -> Result<StoredFrame, IoError> {
     let positions = mesh.positions(sample)?;
     let bounds = bounds_of(&positions);
     let matrix = mesh.world_matrix_at(mesh.time(sample))?;
@@ -278,6 +327,11 @@ fn stored(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<Sto
         velocities: mesh.velocities(sample)?,
         normals: normals_at_points(mesh, sample, positions.len())?,
         crossings: crossings.and_then(|values| values.first().copied()),
+        values: StoredValues::read(attributes, |name| {
+            Ok::<_, IoError>(
+                numbers_at_points::<1>((path, mesh), name, sample, positions.len())?.into_iter().flatten().collect(),
+            )
+        })?,
         positions,
     })
 }

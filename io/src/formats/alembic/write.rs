@@ -23,6 +23,7 @@ use drapery_alembic::{
 use drapery_core::mesh::MeshStream;
 
 use crate::atomic_file::unfinished;
+use crate::attributes::{LISTED, PREF, PointAttributes, PointValues};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
@@ -60,6 +61,7 @@ pub struct AlembicWriter {
     velocities: bool,
     normals: bool,
     crossings: bool,
+    attributes: PointAttributes,
     /// Read with the first frame.
     mesh: GarmentMesh,
     stage: Stage,
@@ -104,6 +106,8 @@ struct Declared {
     sampling: u32,
     origin: Option<[f64; 3]>,
     crossings: Option<PropertyId>,
+    /// Numbers at the points, in the order of [`PointAttributes::moving`].
+    values: Vec<GeomParamWriter>,
 }
 
 impl AlembicWriter {
@@ -142,6 +146,7 @@ impl AlembicWriter {
             velocities: plan.velocities,
             normals: plan.normals,
             crossings: plan.crossings,
+            attributes: plan.attributes.clone(),
             mesh: plan.mesh.clone(),
             stage: Stage::Empty,
             mark: CacheMark::none(path),
@@ -166,7 +171,7 @@ impl AlembicWriter {
         }
         let kept = plan.samples_until(mark.last_frame.unwrap_or(plan.first_frame), mark.sub_frame);
         let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
-        let still = Still::of(plan.mesh.read()?);
+        let still = writer.still()?;
         let resumed =
             ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, &still, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
@@ -174,6 +179,13 @@ impl AlembicWriter {
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)
+    }
+
+    /// Everything that does not move.
+    fn still(&self) -> Result<Still, IoError> {
+        let mut data = self.mesh.read()?;
+        self.attributes.add_to(&mut data, PREF);
+        Ok(Still::of(data))
     }
 
     /// The last frame that readers see in the file, if they can read it.
@@ -195,7 +207,7 @@ impl AlembicWriter {
             parent = XformWriter::still(archive, parent, name, matrix.as_ref())?.object();
         }
         let mesh = PolyMeshWriter::declare(archive, parent, shape, sampling)?;
-        Ok(Declared { mesh, sampling, origin: self.origin, crossings: None })
+        Ok(Declared { mesh, sampling, origin: self.origin, crossings: None, values: Vec::new() })
     }
 
     /// Declares everything that a file of this plan with so many samples has.
@@ -215,18 +227,21 @@ impl AlembicWriter {
             velocities: &points,
             normals: &points,
             crossings: None,
+            values: PointValues::default(),
         };
         declared.mesh.check_continued(archive, &still.with(self.sample(&frame)))?;
         archive.add_archive_bounds(declared.sampling)?;
         self.write_attributes(archive, &mut declared, still, None)?;
         let held = declared.mesh.sample_count(archive);
         let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
-        if held != samples || counted != samples {
+        let have_values = declared.values.iter().all(|values| values.sample_count(archive) == samples);
+        if held != samples || counted != samples || !have_values {
             return Err(AlembicError::Refused {
                 path: self.path.clone(),
                 place: self.object_path.clone(),
                 reason: format!(
-                    "{held} samples are stored and {counted} counts of intersections, {samples} are expected"
+                    "{held} samples are stored and {counted} counts of intersections, {samples} are expected, and as many of \
+                     each attribute"
                 ),
             });
         }
@@ -235,12 +250,13 @@ impl AlembicWriter {
 
     /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
     fn write_first(&self, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
-        let still = Still::of(self.mesh.read()?);
+        let still = self.still()?;
         let mut archive = ArchiveWriter::create(unfinished(&self.path), &self.options)?;
         let mut declared = self.declare_mesh(&mut archive)?;
         declared.write(&mut archive, &still.with(self.sample(frame)))?;
         self.write_attributes(&mut archive, &mut declared, &still, Some(APPLICATION))?;
         declared.write_crossings(&mut archive, frame.crossings)?;
+        declared.write_values(&mut archive, &self.attributes, frame.values)?;
         archive.commit(Durability::Flushed)?;
         archive.rename(&self.path)?;
         Ok(Open { archive, declared })
@@ -270,6 +286,9 @@ impl AlembicWriter {
         if let Some(garment) = &still.render_mesh_of {
             archive.write_static_string(properties, RENDER_MESH_OF, garment)?;
         }
+        if let Some(listed) = self.attributes.listed() {
+            archive.write_static_string(properties, LISTED, &listed)?;
+        }
         if let Some(triangles) = &still.triangles {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
@@ -281,25 +300,48 @@ impl AlembicWriter {
             let property = archive.add_scalar_property(properties, CROSSINGS, &none, kind, declared.sampling)?;
             declared.crossings = Some(property);
         }
-        if !still.params.is_empty() {
-            let attributes = declared.mesh.attributes(archive)?;
-            for param in &still.params {
-                let spec = GeomParamSpec {
-                    name: &param.name,
-                    scope: param.scope,
-                    data_type: param.data_type,
-                    interpretation: &param.interpretation,
-                    source_name: param.source_name.as_deref(),
-                    indexed: param.indices.is_some(),
-                    time_sampling: 0,
-                };
-                let writer = GeomParamWriter::declare(archive, attributes, &spec)?;
-                writer.write_static(archive, &param.values, param.indices.as_deref())?;
-            }
+        if !still.params.is_empty() || self.attributes.moving().next().is_some() {
+            self.write_params(archive, declared, still)?;
         }
         for set in &still.face_sets {
             let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
             write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
+        }
+        Ok(())
+    }
+
+    /// Attributes at points, faces and corners: those that do not move, and the declaration of the others.
+    fn write_params(
+        &self,
+        archive: &mut ArchiveWriter,
+        declared: &mut Declared,
+        still: &Still,
+    ) -> Result<(), AlembicError> {
+        let attributes = declared.mesh.attributes(archive)?;
+        for param in &still.params {
+            let spec = GeomParamSpec {
+                name: &param.name,
+                scope: param.scope,
+                data_type: param.data_type,
+                interpretation: &param.interpretation,
+                source_name: param.source_name.as_deref(),
+                indexed: param.indices.is_some(),
+                time_sampling: 0,
+            };
+            let writer = GeomParamWriter::declare(archive, attributes, &spec)?;
+            writer.write_static(archive, &param.values, param.indices.as_deref())?;
+        }
+        for name in self.attributes.moving() {
+            let spec = GeomParamSpec {
+                name,
+                scope: Scope::Vertex,
+                data_type: DataType::new(PodType::F32, 1),
+                interpretation: "",
+                source_name: None,
+                indexed: false,
+                time_sampling: declared.sampling,
+            };
+            declared.values.push(GeomParamWriter::declare(archive, attributes, &spec)?);
         }
         Ok(())
     }
@@ -331,6 +373,16 @@ impl Declared {
             _ => Ok(()),
         }
     }
+
+    fn write_values(
+        &self,
+        archive: &mut ArchiveWriter,
+        attributes: &PointAttributes,
+        values: PointValues<'_>,
+    ) -> Result<(), AlembicError> {
+        let all = self.values.iter().zip(attributes.moving_of(values));
+        all.into_iter().try_for_each(|(writer, (_, numbers))| writer.write(archive, numbers, None))
+    }
 }
 
 impl Open {
@@ -341,9 +393,14 @@ impl Open {
     }
 
     /// Appends a later frame.
-    fn write(&mut self, sample: &PolyMeshSample<'_>, crossings: Option<u32>) -> Result<(), AlembicError> {
+    fn write(
+        &mut self,
+        sample: &PolyMeshSample<'_>,
+        (crossings, attributes, values): (Option<u32>, &PointAttributes, PointValues<'_>),
+    ) -> Result<(), AlembicError> {
         self.declared.write(&mut self.archive, sample)?;
         self.declared.write_crossings(&mut self.archive, crossings)?;
+        self.declared.write_values(&mut self.archive, attributes, values)?;
         self.archive.commit(Durability::Flushed)
     }
 }
@@ -361,7 +418,7 @@ impl CacheWriter for AlembicWriter {
             Stage::Empty => Box::new(self.write_first(frame)?),
             Stage::Open(mut open) => {
                 open.check(&self.path)?;
-                open.write(&self.sample(frame), frame.crossings)?;
+                open.write(&self.sample(frame), (frame.crossings, &self.attributes, frame.values))?;
                 open
             }
             Stage::Closed => panic!("no frame is written after an error or after the end"),

@@ -8,6 +8,7 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
 use super::datasets::{ORIGIN, dataset, origin, place_of};
+use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::triangles_to_store;
 use crate::mesh_data::MeshData;
@@ -27,6 +28,8 @@ pub(super) struct Offsets {
     pub(super) positions: u64,
     pub(super) velocities: Option<u64>,
     pub(super) normals: Option<u64>,
+    pub(super) strain: Option<u64>,
+    pub(super) contact: Option<u64>,
     pub(super) crossings: Option<u64>,
     pub(super) committed: u64,
 }
@@ -85,11 +88,14 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
     let normals = plan.normals.then(|| growing::<f32>(&file, "normals", &[frames, points, 3])).transpose()?;
+    let numbers = |name, is_there: bool| is_there.then(|| growing::<f32>(&file, name, &[frames, points])).transpose();
+    let strain = numbers(STRAIN, plan.attributes.strain)?;
+    let contact = numbers(CONTACT, plan.attributes.contact)?;
     let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
     // What goes wrong while a file is dropped is not heard of.
     file.flush()?;
     file.close()?;
-    Ok(Offsets { positions, velocities, normals, crossings, committed })
+    Ok(Offsets { positions, velocities, normals, strain, contact, crossings, committed })
 }
 
 /// The layout of a stored file that was made with this plan, or with this plan and another last frame.
@@ -115,6 +121,10 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     if file.link_exists("uv_values") && data.uvs.is_none() {
         return Ok(Err("the cache was started with different settings: it has UVs".into()));
     }
+    let ours = [(REST, plan.attributes.rest.is_some()), (THICKNESS, plan.attributes.thickness.is_some())];
+    if let Some((name, _)) = ours.iter().find(|(name, is_there)| !is_there && file.link_exists(name)) {
+        return Ok(Err(format!("the cache was started with different settings: it has `{name}`")));
+    }
     for fixed in fixed_datasets(&stored, data, &triangles_to_store(data)) {
         if !fixed.is_in(&file)? {
             return Ok(Err(format!("the cache was started with different settings: `{}` differs", fixed.name)));
@@ -125,15 +135,18 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
         place::<f32>(&file, "positions", &[frames, points, 3])?,
         place::<f32>(&file, "velocities", &[frames, points, 3])?,
         place::<f32>(&file, "normals", &[frames, points, 3])?,
+        place::<f32>(&file, STRAIN, &[frames, points])?,
+        place::<f32>(&file, CONTACT, &[frames, points])?,
         place::<u32>(&file, "crossings", &[frames])?,
         place::<u8>(&file, "committed", &[frames])?,
     ];
     match places {
-        [Some(positions), velocities, normals, crossings, Some(committed)]
-            if [velocities.is_some(), normals.is_some(), crossings.is_some()]
-                == [plan.velocities, plan.normals, plan.crossings] =>
+        [Some(positions), velocities, normals, strain, contact, crossings, Some(committed)]
+            if [velocities, normals, strain, contact, crossings].map(|offset| offset.is_some())
+                == [plan.velocities, plan.normals, plan.attributes.strain, plan.attributes.contact, plan.crossings] =>
         {
-            Ok(Ok(Layout { offsets: Offsets { positions, velocities, normals, crossings, committed }, frames }))
+            let offsets = Offsets { positions, velocities, normals, strain, contact, crossings, committed };
+            Ok(Ok(Layout { offsets, frames }))
         }
         _ => Ok(Err("the cache was started with different settings: its datasets differ".into())),
     }
@@ -201,7 +214,7 @@ fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {
     ]
 }
 
-fn fixed_datasets<'a>(plan: &CachePlan<'_>, data: &'a MeshData, cut: &'a Option<Vec<[u32; 3]>>) -> Vec<Fixed<'a>> {
+fn fixed_datasets<'a>(plan: &'a CachePlan<'_>, data: &'a MeshData, cut: &'a Option<Vec<[u32; 3]>>) -> Vec<Fixed<'a>> {
     let numbers: Vec<i64> = (plan.first_frame..=plan.last_frame).collect();
     let times: Vec<f64> = numbers.iter().map(|&frame| plan.timeline.file_time(frame)).collect();
     let (mesh, frames) = (&data.mesh, numbers.len());
@@ -218,6 +231,12 @@ fn fixed_datasets<'a>(plan: &CachePlan<'_>, data: &'a MeshData, cut: &'a Option<
     if let Some(uvs) = &data.uvs {
         all.push(fixed("uv_values", &[uvs.values.len(), 2], Values::F32(uvs.values.as_flattened())));
         all.push(integers("uv_indices", &uvs.indices));
+    }
+    if let Some(rest) = &plan.attributes.rest {
+        all.push(fixed(REST, &[rest.len(), 3], Values::F32(rest.as_flattened())));
+    }
+    if let Some(thickness) = &plan.attributes.thickness {
+        all.push(fixed(THICKNESS, &[thickness.len()], Values::F32(thickness)));
     }
     all
 }

@@ -15,7 +15,9 @@
 //! |---|---|---|---|
 //! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis, counted from the attribute `origin` if there is one |
 //! | `velocities` | (frames, points, 3) | f32 | per second, only if asked for |
-//! | `normals` | (frames, points, 3) | f32 | only of render meshes |
+//! | `normals` | (frames, points, 3) | f32 | of render meshes, else only if asked for |
+//! | `strain`, `contact` | (frames, points) | f32 | only if asked for |
+//! | `rest`, `thickness` | (points, 3), (points) | f32 | only if asked for; in the file's unit |
 //! | `times` | (frames) | f64 | frame / fps [s] |
 //! | `frame_numbers` | (frames) | i64 | |
 //! | `committed` | (frames) | u8 | 1 when the frame is complete |

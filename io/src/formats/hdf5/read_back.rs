@@ -8,6 +8,7 @@ use hdf5::types::VarLenUnicode;
 
 use super::datasets::{dataset, origin, values};
 use super::not_a_cache;
+use crate::attributes::{CONTACT, PointAttributes, REST, STRAIN, StoredValues, THICKNESS};
 use crate::cache_frames::{CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, placed, units};
 use crate::error::IoError;
 use crate::formats::Opening;
@@ -20,6 +21,7 @@ struct Samples {
     file: hdf5::File,
     /// Origin that its positions are counted from.
     origin: [f64; 3],
+    attributes: PointAttributes,
 }
 
 /// Opens a cache.
@@ -39,7 +41,9 @@ fn opened(path: &Path) -> hdf5::Result<CacheFrames> {
     let numbers = values::<i64>(&file, "frame_numbers")?;
     let triangles = dataset::<2>(&file, "triangles")?.0.read_raw::<u32>()?;
     let (_, [_, points, _]) = dataset::<3>(&file, "positions")?;
+    let attributes = attributes(&file, points)?;
     let mesh = CacheMesh {
+        attributes: attributes.clone(),
         name: text("object_path")?,
         points,
         faces: Connectivity {
@@ -53,11 +57,36 @@ fn opened(path: &Path) -> hdf5::Result<CacheFrames> {
     };
     let units = units(&text("length_unit")?, &text("up_axis")?);
     let fps = file.attr("fps").and_then(|fps| fps.read_scalar()).ok();
-    let samples = Samples { path: path.to_owned(), origin: origin(&file)?.unwrap_or_default(), file };
+    let samples = Samples { path: path.to_owned(), origin: origin(&file)?.unwrap_or_default(), attributes, file };
     Ok(CacheFrames::new(path, (units.into(), fps), vec![mesh], samples))
 }
 
+/// Attributes at the points, beside normals.
+fn attributes(file: &hdf5::File, points: usize) -> hdf5::Result<PointAttributes> {
+    let wrong = |name: &str, held: usize| format!("dataset {name} has {held} values for {points} points").into();
+    let rest = || -> hdf5::Result<Vec<[f32; 3]>> {
+        let all = dataset::<2>(file, REST)?.0.read_raw::<f32>()?;
+        if all.len() == 3 * points { Ok(all.as_chunks().0.to_vec()) } else { Err(wrong(REST, all.len() / 3)) }
+    };
+    let thickness = || {
+        let all = values::<f32>(file, THICKNESS)?;
+        if all.len() == points { Ok(all) } else { Err(wrong(THICKNESS, all.len())) }
+    };
+    let held: Vec<&str> =
+        [REST, THICKNESS, STRAIN, CONTACT].into_iter().filter(|name| file.link_exists(name)).collect();
+    PointAttributes::of_listed(&held.join(" "), rest, thickness)
+}
+
 impl Samples {
+    /// The numbers of a sample as they are stored, one for each point.
+    fn numbers(&self, name: &str, sample: usize) -> Result<Vec<f32>, IoError> {
+        let read = || match dataset::<2>(&self.file, name)? {
+            (dataset, [samples, _]) if sample < samples => dataset.read_slice_1d::<f32, _>((sample, ..)),
+            (_, extents) => Err(format!("dataset {name} has the extents {extents:?}").into()),
+        };
+        Ok(read().map_err(|source| not_a_cache(&self.path, &source))?.to_vec())
+    }
+
     /// The vectors of a sample as they are stored.
     fn rows(&self, name: &str, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
         let read = || match dataset::<3>(&self.file, name)? {
@@ -107,6 +136,7 @@ impl CacheSamples for Samples {
             velocities: self.rows_if_any("velocities", sample)?,
             normals: self.rows_if_any("normals", sample)?,
             crossings: self.number_if_any("crossings", sample)?,
+            values: StoredValues::read(&self.attributes, |name| self.numbers(name, sample))?,
             positions: self.rows("positions", sample)?,
             has_bounds_of_points: true,
         })

@@ -108,6 +108,12 @@ impl Hdf5Writer {
             vectors.as_flattened().iter().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
             assert_eq!(bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
         }
+        let numbers =
+            [(self.stored.offsets.strain, frame.values.strain), (self.stored.offsets.contact, frame.values.contact)];
+        for (_, numbers) in numbers.into_iter().filter(|(offset, _)| offset.is_some()) {
+            assert_eq!(numbers.len() * size_of::<[f32; 3]>(), self.stored.vectors, "each point has a number");
+            numbers.iter().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
+        }
         if self.stored.offsets.crossings.is_some() {
             bytes.extend_from_slice(&frame.crossings.unwrap_or(0).to_ne_bytes());
         }
@@ -144,6 +150,8 @@ impl Stored {
             Some((offsets.positions, vectors)),
             offsets.velocities.map(|offset| (offset, vectors)),
             offsets.normals.map(|offset| (offset, vectors)),
+            offsets.strain.map(|offset| (offset, vectors / 3)),
+            offsets.contact.map(|offset| (offset, vectors / 3)),
             offsets.crossings.map(|offset| (offset, size_of::<u32>())),
         ];
         all.into_iter().flatten().map(place)
@@ -267,6 +275,7 @@ impl CacheWriter for Hdf5Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attributes::{PointAttributes, PointValues};
     use crate::formats::hdf5::summary::summary;
     use crate::garment_mesh::GarmentMesh;
     use crate::mesh_data::{MeshData, Uvs};
@@ -295,6 +304,7 @@ mod tests {
             velocities: true,
             normals: false,
             crossings: true,
+            attributes: PointAttributes::default(),
         }
     }
 
@@ -314,6 +324,7 @@ mod tests {
                 velocities: &velocities,
                 normals: &[],
                 crossings,
+                values: PointValues::default(),
             };
             writer.write(&frame).unwrap();
         }

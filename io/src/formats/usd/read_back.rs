@@ -10,6 +10,7 @@ use globset::escape;
 use super::read::UsdMesh;
 use super::stage;
 use super::write::cache_error;
+use crate::attributes::{PointAttributes, REST, StoredValues, THICKNESS};
 use crate::cache_frames::{
     Between, CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, cut, listed_triangles, placed,
 };
@@ -19,7 +20,10 @@ use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::units::{InputUnits, LengthUnit, UpAxis};
 
 /// A cache whose samples are read one by one: the layer, and what of it does not move.
-struct Samples(Cache);
+struct Samples {
+    cache: Cache,
+    attributes: PointAttributes,
+}
 
 /// Opens a cache, or a stage that another program made.
 ///
@@ -47,24 +51,26 @@ pub(super) fn open(path: &Path, opening: Opening) -> Result<CacheFrames, IoError
         },
         frames: cache.frames.clone(),
         between: cache.between.iter().map(|time| Between::at(*time)).collect(),
+        attributes: attributes(path, &cache.still, points.len())?,
         ..CacheMesh::default()
     };
-    Ok(CacheFrames::new(path, (units, Some(cache.fps)), vec![mesh], Samples(cache)))
+    let attributes = mesh.attributes.clone();
+    Ok(CacheFrames::new(path, (units, Some(cache.fps)), vec![mesh], Samples { cache, attributes }))
 }
 
 impl Samples {
     fn sample(&self, sample: usize) -> Result<Frame, IoError> {
-        self.0.frame(sample).map_err(|error| cache_error(self.0.path(), error))
+        self.cache.frame(sample).map_err(|error| cache_error(self.cache.path(), error))
     }
 }
 
 impl CacheSamples for Samples {
     fn world(&self, _: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
-        Ok(placed((self.0.still.origin, self.sample(sample)?.points)))
+        Ok(placed((self.cache.still.origin, self.sample(sample)?.points)))
     }
 
     fn shifted(&self, _: usize, sample: usize) -> Result<Option<Shifted>, IoError> {
-        Ok(Some((self.0.still.origin, self.sample(sample)?.points)))
+        Ok(Some((self.cache.still.origin, self.sample(sample)?.points)))
     }
 
     fn velocities(&self, _: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
@@ -72,30 +78,42 @@ impl CacheSamples for Samples {
     }
 
     fn frame(&self, _: usize, sample: usize) -> Result<StoredFrame, IoError> {
-        let Frame { points, velocities, normals, extent, crossings } = self.sample(sample)?;
+        let Frame { points, velocities, normals, extent, crossings, mut numbers } = self.sample(sample)?;
+        let lacking = |name: &str| damaged(self.cache.path(), name, "a frame does not hold it");
+        let values = StoredValues::read(&self.attributes, |name| numbers.remove(name).ok_or_else(|| lacking(name)))?;
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         for (point, axis) in points.iter().flat_map(|point| [0, 1, 2].map(|axis| (point, axis))) {
             bounds[0][axis] = bounds[0][axis].min(point[axis]);
             bounds[1][axis] = bounds[1][axis].max(point[axis]);
         }
-        Ok(StoredFrame { has_bounds_of_points: extent == bounds, positions: points, velocities, normals, crossings })
+        let has_bounds_of_points = extent == bounds;
+        Ok(StoredFrame { positions: points, velocities, normals, crossings, values, has_bounds_of_points })
     }
 
     fn attributes(&self, _: usize, about: &CacheMesh) -> Result<MeshData, IoError> {
-        let start = self.0.frames[0] as f64 / self.0.fps;
-        UsdMesh::open(self.0.path(), Some(&escape(&about.name)))?.mesh_at(start)
+        let start = self.cache.frames[0] as f64 / self.cache.fps;
+        UsdMesh::open(self.cache.path(), Some(&escape(&about.name)))?.mesh_at(start)
     }
 
     /// The folder of what does not move is called by its digest.
     fn check_constants(&self) -> Result<(), IoError> {
-        let path = self.0.path();
-        let (bytes, folder) = self.0.topology().map_err(|error| cache_error(path, error))?;
+        let path = self.cache.path();
+        let (bytes, folder) = self.cache.topology().map_err(|error| cache_error(path, error))?;
         let digest = format!("{:032x}", u128::from_be_bytes(murmur3_x64_128(&bytes)));
         if !folder.is_empty() && digest.starts_with(&folder) {
             return Ok(());
         }
         Err(damaged(path, "topology.usdc", "its digest differs from the name of its folder"))
     }
+}
+
+/// Attributes at the points that this program wrote, beside normals.
+fn attributes(path: &Path, still: &Still, points: usize) -> Result<PointAttributes, IoError> {
+    let wrong = |name: &str| damaged(path, name, "the cache does not have one value for each point");
+    let rest = || still.vectors.get(REST).filter(|all| all.len() == points).cloned().ok_or_else(|| wrong(REST));
+    let thickness =
+        || still.numbers.get(THICKNESS).filter(|all| all.len() == points).cloned().ok_or_else(|| wrong(THICKNESS));
+    PointAttributes::of_listed(still.attributes.as_deref().unwrap_or_default(), rest, thickness)
 }
 
 /// The triangles that were simulated, or the faces cut by the solver's rule.

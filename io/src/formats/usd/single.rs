@@ -73,19 +73,21 @@ impl SingleWriter for Writer<'_> {
     fn write(&mut self, mesh: usize, frame: &CacheFrame<'_>) -> Result<(), IoError> {
         let refused = |error: WriteError| write_error(self.plan.path, &error);
         let plan = &self.plan.caches[mesh];
-        let CachePlan { velocities, normals, crossings, sub_frames, .. } = *plan;
+        let CachePlan { velocities, normals, crossings, sub_frames, ref attributes, .. } = *plan;
         if mesh == self.begun {
-            let form = Form { origin: plan.file_origin(), velocities, normals, crossings };
+            let form = Form { origin: plan.file_origin(), velocities, normals, crossings, attributes };
             self.layer.add_mesh(still_mesh(plan.mesh.read()?, &self.paths[mesh], form)).map_err(refused)?;
             self.begun += 1;
         }
         let behind = frame.sub_frame.checked_sub(1).map_or(0.0, |number| sub_frames[number]);
+        let numbers = attributes.moving_of(frame.values);
         let moving = Moving {
             time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: velocities.then_some(frame.velocities),
             normals: normals.then_some(frame.normals),
             crossings: frame.crossings,
+            numbers: &numbers,
         };
         self.layer.add_frame(&moving).map_err(refused)
     }

@@ -6,6 +6,7 @@ use drapery_core::Vec3;
 use drapery_usd::read::{About, Stage, Stored, UsdError};
 
 use super::read::{frame_rate, left_out, mesh_data, seen, stated_units};
+use crate::attributes::StoredValues;
 use crate::cache_frames::transforms::in_world;
 use crate::cache_frames::{Between, CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, cut, listed_triangles};
 use crate::error::IoError;
@@ -195,10 +196,12 @@ impl CacheSamples for Samples {
                 velocities,
                 normals,
                 crossings,
+                values: StoredValues::default(),
             },
             None => {
                 let positions = self.points(mesh, sample)?.into_iter().map(|p| p.map(|x| x as f32)).collect();
-                StoredFrame { positions, velocities: None, normals: None, crossings, has_bounds_of_points: true }
+                let (velocities, normals, values) = (None, None, StoredValues::default());
+                StoredFrame { positions, velocities, normals, crossings, values, has_bounds_of_points: true }
             }
         })
     }

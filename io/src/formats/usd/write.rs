@@ -23,6 +23,7 @@ use drapery_usd::write::{
 
 use super::attributes;
 use crate::atomic_file::unfinished;
+use crate::attributes::{PointAttributes, REST};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
@@ -52,6 +53,7 @@ pub(super) struct UsdWriter {
     velocities: bool,
     normals: bool,
     crossings: bool,
+    attributes: PointAttributes,
     stage: Stage,
     mark: CacheMark,
     /// Paths that are written but may not be on the disk.
@@ -106,6 +108,7 @@ impl UsdWriter {
             velocities: plan.velocities,
             normals: plan.normals,
             crossings: plan.crossings,
+            attributes: plan.attributes.clone(),
             stage: Stage::Empty,
             mark: CacheMark::none(path),
             unsynced: Vec::new(),
@@ -182,8 +185,9 @@ impl UsdWriter {
 
     /// The layer of what does not move.
     fn topology(&self) -> Result<Vec<u8>, IoError> {
-        let Self { origin, velocities, normals, crossings, .. } = *self;
-        let still = still_mesh(self.mesh.read()?, &self.mesh_path, Form { origin, velocities, normals, crossings });
+        let Self { origin, velocities, normals, crossings, ref attributes, .. } = *self;
+        let form = Form { origin, velocities, normals, crossings, attributes };
+        let still = still_mesh(self.mesh.read()?, &self.mesh_path, form);
         topology(self.units, still).map_err(|e| self.refused(&e))
     }
 
@@ -199,7 +203,9 @@ impl UsdWriter {
         let folder = self.folder_of(&still);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         self.write_file(&folder.join(CacheLayer::TOPOLOGY), &still)?;
-        let members = Members { velocities: self.velocities, normals: self.normals, crossings: self.crossings };
+        let Self { velocities, normals, crossings, .. } = *self;
+        let numbers: Vec<&str> = self.attributes.moving().collect();
+        let members = Members { velocities, normals, crossings, numbers: &numbers };
         let manifest = clip_manifest(self.units, &self.mesh_path, members);
         self.write_file(&folder.join(CacheLayer::MANIFEST), manifest.as_bytes())?;
         Ok(folder)
@@ -208,12 +214,14 @@ impl UsdWriter {
     /// Writes the clip of a frame, then the layer that names it.
     fn write_frame(&mut self, folder: &Path, frame: &CacheFrame<'_>) -> Result<(), IoError> {
         let behind = frame.sub_frame.checked_sub(1).map_or(0.0, |number| self.sub_frames[number]);
+        let numbers = self.attributes.moving_of(frame.values);
         let moving = Moving {
             time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: self.velocities.then_some(frame.velocities),
             normals: self.normals.then_some(frame.normals),
             crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
+            numbers: &numbers,
         };
         let bytes = clip(self.units, &self.mesh_path, &moving).map_err(|e| self.refused(&e))?;
         let sample = (frame.frame, frame.sub_frame);
@@ -358,7 +366,7 @@ impl CacheWriter for UsdWriter {
 
 /// Data of a mesh that is written beside the mesh.
 #[derive(Clone, Copy)]
-pub(super) struct Form {
+pub(super) struct Form<'a> {
     /// Position that its points are counted from, if not from the origin of the world.
     pub(super) origin: Option<[f64; 3]>,
     /// Whether frames have velocities.
@@ -367,10 +375,13 @@ pub(super) struct Form {
     pub(super) normals: bool,
     /// Whether frames have a number of intersections.
     pub(super) crossings: bool,
+    /// Other attributes at the points.
+    pub(super) attributes: &'a PointAttributes,
 }
 
 /// Everything of a mesh that does not move, as USD writes it.
-pub(super) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> StillMesh<'_> {
+pub(super) fn still_mesh<'a>(mut data: MeshData, path: &'a MeshPath, form: Form<'_>) -> StillMesh<'a> {
+    form.attributes.add_to(&mut data, REST);
     let triangles = triangles_to_store(&data);
     let primvars = std::mem::take(&mut data.params);
     let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
@@ -393,6 +404,8 @@ pub(super) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> Sti
         velocities: form.velocities,
         normals: form.normals,
         crossings: form.crossings,
+        numbers: form.attributes.moving().collect(),
+        attributes: form.attributes.listed(),
     }
 }
 

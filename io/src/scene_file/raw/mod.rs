@@ -14,6 +14,7 @@ mod values;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::attributes::Attribute;
 use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use contact::Contact;
@@ -226,9 +227,43 @@ pub(in crate::scene_file) struct Output {
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,
+    /// Attributes at the points, for shading and checks: "normals" (smooth), "rest" (positions at rest: `Pref` in Alembic,
+    /// `primvars:rest` in USD), "strain" (greatest strain of the edges at a point: length over rest length, less one),
+    /// "contact" (1 where a point is as close to a body or other cloth as contact keeps it, 0 at twice that distance),
+    /// "thickness" (of the fabric, in the unit of the caches). None by default; render meshes always have normals.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) attributes: Vec<PointAttribute>,
     /// Faces that garments are written with; render meshes keep theirs. "original" by default.
     #[serde(skip_serializing_if = "is_original")]
     pub(in crate::scene_file) faces: Faces,
+}
+
+/// An attribute at the points of caches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum PointAttribute {
+    /// Smooth normals, of length one.
+    Normals,
+    /// Positions at rest.
+    Rest,
+    /// Greatest strain of the edges at a point.
+    Strain,
+    /// Contact with bodies and other cloth, from 0 to 1.
+    Contact,
+    /// Thickness of the fabric.
+    Thickness,
+}
+
+impl From<PointAttribute> for Attribute {
+    fn from(written: PointAttribute) -> Self {
+        match written {
+            PointAttribute::Normals => Self::Normals,
+            PointAttribute::Rest => Self::Rest,
+            PointAttribute::Strain => Self::Strain,
+            PointAttribute::Contact => Self::Contact,
+            PointAttribute::Thickness => Self::Thickness,
+        }
+    }
 }
 
 /// Faces that garments are written with.
@@ -243,11 +278,12 @@ pub(in crate::scene_file) enum Faces {
 }
 
 /// Keys of `[output]` that a scene with all defaults does not say, with the values that mean the same.
-pub const UNSAID: [(&str, &str); 5] = [
+pub const UNSAID: [(&str, &str); 6] = [
     ("output.samples", "1"),
     ("output.shutter", "[-0.25, 0.25]"),
     ("output.preroll", "false"),
     ("output.usd_single", "false"),
+    ("output.attributes", "[]"),
     ("output.faces", "\"original\""),
 ];
 
@@ -276,6 +312,7 @@ impl Default for Output {
             shutter: SHUTTER,
             preroll: false,
             usd_single: false,
+            attributes: Vec::new(),
             faces: Faces::Original,
         }
     }

@@ -24,6 +24,17 @@ pub(super) const CROSSINGS: (&str, &str) = ("drapery:crossings", "uint");
 /// The triangles that were simulated, three points each; only in meshes with other faces.
 const TRIANGLES: (&str, &str) = ("drapery:triangles", "int3[]");
 
+/// Words for the attributes at the points that are this program's: a mesh may have others of the same names.
+const ATTRIBUTES: (&str, &str) = ("drapery:attributes", "string");
+
+/// Type of numbers at the points.
+pub(super) const NUMBERS: &str = "float[]";
+
+/// Name of the primvar with numbers at the points.
+pub(crate) fn primvar_of(name: &str) -> String {
+    format!("primvars:{name}")
+}
+
 /// Interpretation of the faces by a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Subdivision {
@@ -85,17 +96,23 @@ pub struct StillMesh<'a> {
     pub normals: bool,
     /// Whether frames have a number of intersections.
     pub crossings: bool,
+    /// Names of numbers at the points that frames have.
+    pub numbers: Vec<&'static str>,
+    /// Words for the attributes at the points that are this program's, if there are any.
+    pub attributes: Option<String>,
 }
 
 /// Members that frames have beside points and extent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Members {
+pub struct Members<'a> {
     /// Velocities.
     pub velocities: bool,
     /// Normals, one for each point.
     pub normals: bool,
     /// A number of crossings.
     pub crossings: bool,
+    /// Names of numbers at the points.
+    pub numbers: &'a [&'static str],
 }
 
 /// Moving data of a mesh at one frame.
@@ -111,6 +128,8 @@ pub struct Moving<'a> {
     pub normals: Option<&'a [[f32; 3]]>,
     /// Crossings of the shot.
     pub crossings: Option<u32>,
+    /// Numbers at the points, with their names.
+    pub numbers: &'a [(&'static str, &'a [f32])],
 }
 
 /// The layer with everything of a mesh that does not move: prims, faces, attributes, face sets. What moves is declared in it
@@ -180,6 +199,13 @@ fn add_mesh(layer: &mut BinaryLayer, mesh: &Prim, still: StillMesh<'_>) -> Resul
     if still.crossings {
         layer.attribute(mesh, CROSSINGS, custom(), None)?;
     }
+    for name in &still.numbers {
+        layer.attribute(mesh, (&primvar_of(name), NUMBERS), at_points(), None)?;
+    }
+    if let Some(words) = still.attributes {
+        let declared = Declared { custom: true, uniform: true, ..Declared::default() };
+        layer.attribute(mesh, ATTRIBUTES, declared, Some(Value::String(words)))?;
+    }
     if let Some(triangles) = still.triangles {
         let triangles = triangles.into_iter().map(Into::into).collect();
         layer.attribute(mesh, TRIANGLES, custom(), Some(Value::Vec3iVec(triangles)))?;
@@ -235,6 +261,9 @@ pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>
     layer.sample(&mesh, EXTENT, plain, (time, vectors(&extent(frame.points))))?;
     if let Some(crossings) = frame.crossings {
         layer.sample(&mesh, CROSSINGS, custom(), (time, Value::Uint(crossings)))?;
+    }
+    for (name, numbers) in frame.numbers {
+        layer.sample(&mesh, (&primvar_of(name), NUMBERS), plain, (time, Value::FloatVec(numbers.to_vec())))?;
     }
     layer.bytes()
 }

@@ -9,7 +9,9 @@ use openusd::sdf::Value;
 
 use super::Units;
 use super::binary::{BinaryLayer, Declared, Prim, WriteError, token};
-use super::mesh::{CROSSINGS, EXTENT, Moving, NORMALS, POINTS, StillMesh, VELOCITIES, add_prims, extent, vectors};
+use super::mesh::{
+    CROSSINGS, EXTENT, Moving, NORMALS, NUMBERS, POINTS, StillMesh, VELOCITIES, add_prims, extent, primvar_of, vectors,
+};
 
 /// Description that a layer gives of itself.
 #[derive(Debug)]
@@ -136,10 +138,11 @@ impl SingleLayer {
             add(NORMALS, vectors(normals))?;
         }
         add(EXTENT, vectors(&extent(frame.points)))?;
-        match frame.crossings {
-            Some(crossings) => add(CROSSINGS, Value::Uint(crossings)),
-            None => Ok(()),
+        if let Some(crossings) = frame.crossings {
+            add(CROSSINGS, Value::Uint(crossings))?;
         }
+        let mut numbers = frame.numbers.iter();
+        numbers.try_for_each(|(name, all)| add((&primvar_of(name), NUMBERS), Value::FloatVec(all.to_vec())))
     }
 
     /// Writes the layer.

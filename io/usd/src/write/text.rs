@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::Units;
-use super::mesh::{CROSSINGS, EXTENT, Members, NORMALS, POINTS, VELOCITIES};
+use super::mesh::{CROSSINGS, EXTENT, Members, NORMALS, NUMBERS, POINTS, VELOCITIES, primvar_of};
 use super::names::{Distinct, MeshPath};
 
 /// The layer of a garment's cache.
@@ -113,7 +113,7 @@ pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
 }
 
 /// Returns the layer that declares the content of a cache's clips, without values.
-pub fn clip_manifest(units: Units, path: &MeshPath, members: Members) -> String {
+pub fn clip_manifest(units: Units, path: &MeshPath, members: Members<'_>) -> String {
     let mut text = String::from("#usda 1.0\n(\n");
     write_header(&mut text, units, path.root(), ("What the clips of this cache hold.", None));
     text.push_str(")\n\n");
@@ -128,6 +128,9 @@ pub fn clip_manifest(units: Units, path: &MeshPath, members: Members) -> String 
     let levels = path.prims().len();
     for ((name, kind), custom) in held.into_iter().flatten() {
         let _ = writeln!(text, "{}{custom}{kind} {name}", indent(levels));
+    }
+    for name in members.numbers {
+        let _ = writeln!(text, "{}{NUMBERS} {}", indent(levels), primvar_of(name));
     }
     for level in (0..levels).rev() {
         let _ = writeln!(text, "{}}}", indent(level));

@@ -89,6 +89,7 @@ pub fn run(data: &[u8]) {
             velocities: true,
             normals: false,
             crossings: true,
+            attributes: Default::default(),
         };
         let bytes = std::fs::metadata(&path).map_or(0, |about| about.len());
         let mark = CacheMark { last_frame: Some(1), bytes, ..CacheMark::none(&path) };
