@@ -18,6 +18,8 @@ COPY sample_assets/scenes /usr/local/share/drapery/scenes
 COPY LICENSE-MIT LICENSE-APACHE /usr/local/share/drapery/
 # Processes in a container may not read each other's memory; ranks that share a machine then copy messages twice.
 ENV OMPI_MCA_btl_vader_single_copy_mechanism=none
+# mpirun needs a home, also for a user of no name (`docker run --user`).
+ENV HOME=/tmp
 WORKDIR /shot
 ENTRYPOINT ["drapery"]
 CMD ["--help"]

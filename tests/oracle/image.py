@@ -36,7 +36,7 @@ class Root:
 
     def command(self, *words, user=None):
         """Command line that runs words in the root, as Docker runs them in a container."""
-        lines = ["set -e", f"cd {self.folder}", "mount -t proc proc proc", "mount --rbind /dev dev"]
+        lines = ["set -e", f"cd {self.folder}", "mount -t proc proc proc", "mount --rbind /dev dev", "mount --rbind /sys sys"]
         for place, source in self.mounts.items():
             lines += [f"mkdir -p .{place}", f"mount --bind {shlex.quote(str(source))} .{place}"]
         identity = [f"--userspec={user}"] if user else []

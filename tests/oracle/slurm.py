@@ -116,7 +116,7 @@ class Cluster:
         self.wait_until(lambda: self.ask("sinfo", "--noheader", "--format=%t").startswith(("idle", "mix", "alloc")), "the node is up")
 
     def lose_node(self):
-        """What a power cut does: the daemon of the node and all processes of its jobs are gone."""
+        """Ends the daemon of the node and all processes of its jobs, as a power cut does."""
         processes = [pid for job in self.ask("squeue", "--noheader", "--states=R", "--format=%i").split()
                      for pid in self.processes(job)]
         self.end("slurmd", signal.SIGKILL)

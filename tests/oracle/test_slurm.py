@@ -37,7 +37,7 @@ def cluster():
 
 @pytest.fixture(scope="module")
 def whole(run_scene):
-    """What a run that nobody disturbs leaves."""
+    """Files of a run that nobody disturbs."""
     return results(run_scene(str(SCENE), f"{FIRST}-{LAST}", resolution=60))
 
 
@@ -186,7 +186,7 @@ def test_a_chunk_that_fails_ends_the_chain(cluster, tmp_path):
 
 
 def test_a_board_of_all_shots_is_one_call(cluster, tmp_path):
-    """What a dashboard shows, while a job runs and after another one was cancelled."""
+    """One job runs, another one was cancelled."""
     running, stopped = tmp_path / "running", tmp_path / "stopped"
     job, _ = submit(cluster, stopped, *SHORT)
     wait_for_frame(cluster, stopped, FIRST + 3)
