@@ -1,6 +1,6 @@
 #!/bin/bash
 # Installs what the commands of the README need: Debian packages, then the Python environment of the outside judges.
-# Run again it only looks, which takes a fraction of a second.
+# Run again it only looks, which takes a fraction of a second. Arguments: more Debian packages.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,7 +13,7 @@ command -v cargo >/dev/null || {
 # mpirun, networks that a test can cut, the counter of instructions, a Blender with a window and a screen for it without one, a browser
 # for the book, then what Blender's module links to even when it draws no window.
 packages=(gcc g++ libc6-dev pkg-config libhdf5-dev libopenmpi-dev libclang-dev openmpi-bin iproute2 valgrind blender xvfb xauth chromium
-    libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 libxkbcommon0 libxrender1)
+    libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 libxkbcommon0 libxrender1 "$@")
 # What fetches the library of the page of `drapery view`; it may come from elsewhere than Debian.
 command -v npm >/dev/null || packages+=(npm)
 

@@ -1,6 +1,6 @@
 #!/bin/bash
-# Makes what is given away, with checksums: the command with its pages and sample character, the package for C, the wheel for Python, the add-on for
-# Blender. HDF5 is inside everything, MPI in nothing. Called by `make dist`, with the folder that gets it.
+# Makes what is given away, with checksums and bills of materials: the command with its pages and sample character, the package for C, the
+# wheel for Python, the add-on for Blender. HDF5 is inside everything, MPI in nothing. Called by `make dist`, with the folder that gets it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -17,7 +17,7 @@ pack() {
         gzip -n9 >"$out/$1.tar.gz"
 }
 
-echo "dist: 1 of 6, licences of all that is inside"
+echo "dist: 1 of 6, licences and bills of materials of all that is inside"
 about=$target/tools/bin/cargo-about
 [ -x "$about" ] || cargo install --quiet --locked --root "$target/tools" --version 0.9.3 --features cli cargo-about
 licences=$target/dist-parts/THIRD_PARTY.txt
@@ -37,6 +37,12 @@ grep -q 'three.js authors' "$licences" || { echo "dist: the licence of three.js 
 # The wheel carries them, and those of Drapery, in its package for as long as it is built.
 mkdir -p "$inside"
 cp LICENSE-MIT LICENSE-APACHE "$licences" "$inside/"
+
+cyclonedx=$target/tools/bin/cargo-cyclonedx
+[ -x "$cyclonedx" ] || cargo install --quiet --locked --root "$target/tools" --version 0.5.9 cargo-cyclonedx
+for part in drapery:cli drapery-c:plugins/capi drapery-python:plugins/python; do
+    packaging/bill-of-materials.sh "$cyclonedx" "${part#*:}" usd,static-hdf5 "$out/${part%:*}-$version.cdx.json"
+done
 
 echo "dist: 2 of 6, building the wheel, then the command and the libraries for C"
 packaging/python-wheel.sh "$target/dist-parts/wheel" static-hdf5

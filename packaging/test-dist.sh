@@ -1,7 +1,7 @@
 #!/bin/bash
 # Tries what `make dist` has made, each part in an empty folder: the command in a root that holds nothing but the C library, where it
 # runs the first scene of the tour and two frames of the demo; the package for C with programs of its own; the wheel in a new
-# environment; the add-on by what lies in it. Argument: the folder with the parts.
+# environment; the add-on by what lies in it; the bills of materials by their schema. Argument: the folder with the parts.
 set -euo pipefail
 project=$(cd "$(dirname "$0")/.." && pwd)
 target=$(realpath -m "${CARGO_TARGET_DIR:-$project/target}")
@@ -27,6 +27,12 @@ alone() {
 }
 
 (cd "$dist" && sha256sum --check --quiet SHA256SUMS) || fail "checksums are not those of the files"
+
+say "bills of materials"
+# By the schema of CycloneDX; and each crate whose licence is inside has its row in one of them.
+"$project/.venv/bin/python" -m venv bills
+bills/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-python-lib[json-validation]==11.12.0'
+bills/bin/python "$project/packaging/check_bills.py" "$target/dist-parts/THIRD_PARTY.txt" "$dist"/*.cdx.json >log || fail "$(cat log)"
 
 say "the command"
 mkdir command

@@ -11,6 +11,18 @@ solver=$(git hash-object --stdin <<<"$sources" 2>/dev/null | cut -c1-7)
 export DRAPERY_LONG_RUNS=${DRAPERY_LONG_RUNS:-target/long-runs/$solver}
 mkdir -p "$DRAPERY_LONG_RUNS"
 
+# Slurm, and what makes roots of Debian.
+.ci/setup.sh slurm-wlm munge mmdebstrap
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+schedulers=$target/schedulers
+requirements=tests/oracle/scheduler_requirements.txt
+if ! cmp -s "$requirements" "$schedulers/installed.txt"; then
+    .venv/bin/python -m venv --clear "$schedulers"
+    "$schedulers/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$requirements"
+    cp "$requirements" "$schedulers/installed.txt"
+fi
+export DRAPERY_SCHEDULERS=$schedulers/bin
+
 # Names of tests as pytest selects them; all when empty.
 only=${1:-}
 log=$(mktemp)

@@ -102,7 +102,7 @@ pub(crate) enum Command {
     /// Check that other applications can load caches and that cloth has no intersections; warn of those along the other
     /// diagonals of quads
     Verify(VerifyArgs),
-    /// Show the progress of a run: frames, rate, time left, last checkpoint; reads only
+    /// Show the progress of runs: frames, rate, time left, last checkpoint; reads only
     Status(StatusArgs),
     /// Ask a run in progress, on any machine, to write a checkpoint and stop
     Stop(StopArgs),
@@ -335,10 +335,10 @@ pub(crate) struct VerifyArgs {
 /// Arguments of `status`.
 #[derive(Debug, Args)]
 pub(crate) struct StatusArgs {
-    /// Folder of the run
-    #[arg(value_name = "DIR")]
-    pub(crate) folder: PathBuf,
-    /// Print JSON
+    /// Folders of runs
+    #[arg(value_name = "DIR", required = true)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// Print a JSON object for each folder, one a line
     #[arg(long)]
     pub(crate) json: bool,
 }

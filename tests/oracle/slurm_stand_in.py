@@ -1,9 +1,9 @@
 """A stand-in for Slurm: runs a batch script on this machine and delivers what Slurm would deliver.
 
-It is not Slurm. It knows the options that docs/guide/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
+It is not Slurm, on which the same script runs in test_slurm.py; it takes a second, and needs nothing installed. It knows the options that docs/guide/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
 (to the shell alone), `--requeue`, `--open-mode`; the variables SLURM_JOB_ID, SLURM_JOB_NAME, SLURM_RESTART_COUNT,
-SLURM_CPUS_PER_TASK and SLURM_JOB_END_TIME; and `scontrol requeue`. There is no queue, and no time limit passes: a test
-says at which frame the notice comes, the job is cancelled or the machine fails. A script may take its time to end, too:
+SLURM_CPUS_PER_TASK and SLURM_JOB_END_TIME; (of newer versions, Debian 12's has it not) and `scontrol requeue`. There is no queue, and no time limit passes: a test
+says at which frame the notice comes, the job is cancelled or preempted, or the machine fails. A script may take its time to end, too:
 Slurm would kill it after the seconds that it asked for, but here the machine may be loaded.
 """
 
@@ -17,6 +17,9 @@ import time
 from farm import PATIENCE
 
 JOB = "4711"
+
+# After these Slurm starts a job again by itself.
+BY_SLURM = ("node failure", "preemption")
 
 
 def frame_of(out):
@@ -50,11 +53,11 @@ class Slurm:
     def __init__(self, script, folder):
         self.script, self.folder = script, folder
         self.options = dict(re.findall(r"^#SBATCH --([a-z-]+)(?:=(\S+))?$", script.read_text(), re.MULTILINE))
-        self.starts = []  # what ended each start: an exit code, or "node failure"
+        self.starts = []  # what ended each start: an exit code, or one of BY_SLURM
         self.requests = folder / "scontrol.txt"
         commands = folder / "commands"
         commands.mkdir()
-        (commands / "scontrol").write_text(f'#!/bin/sh\necho "$*" >> "{self.requests}"\n')
+        (commands / "scontrol").write_text(f'#!/bin/sh\n[ "$1" = show ] || echo "$*" >> "{self.requests}"\n')
         (commands / "scontrol").chmod(0o755)
         self.commands = commands
 
@@ -66,13 +69,15 @@ class Slurm:
     def run(self, out, arguments, events):
         """Runs the job; `events` tells what happens to each start: a kind and the frame at which it comes.
 
-        Kinds are "notice", "cancel" and "node failure"; the last start is left alone. Returns the job's exit code.
+        Kinds are "notice", "cancel", "preemption" and "node failure"; the last start is left alone. Returns the job's exit code.
         """
         for number in range(len(events) + 1):
             event, frame = events[number] if number < len(events) else (None, None)
             code = self._start(number, out, arguments, event, frame)
             self.starts.append(code)
-            if code != "node failure" and not self._requeued(number):
+            if event == "preemption":
+                self.starts[-1] = event
+            if self.starts[-1] not in BY_SLURM and not self._requeued(number):
                 return code
             assert "requeue" in self.options, "Slurm starts only jobs with --requeue again"
         raise AssertionError("the job was started again after the last event")
@@ -81,7 +86,7 @@ class Slurm:
         """Whether the script has asked for another start."""
         asked = self.requests.read_text().splitlines() if self.requests.exists() else []
         assert all(line == f"requeue {JOB}" for line in asked), asked
-        return len(asked) > sum(code != "node failure" for code in self.starts[:number])
+        return len(asked) > sum(code not in BY_SLURM for code in self.starts[:number])
 
     def _environment(self, number):
         environment = dict(os.environ)
@@ -118,10 +123,11 @@ class Slurm:
                     os.killpg(process.pid, signal.SIGKILL)
 
     def _notify(self, process, event):
-        """Sends the signal of a notice, or of a cancelled job; to the shell alone if the script says so."""
+        """Sends the signal of a notice, to the shell alone if the script says so, or of the end of a job, to all of its processes."""
         to_shell, name = re.match(r"(B:)?(\w+)(?:@\d+)?$", self.options["signal"]).groups()
-        number = signal.SIGTERM if event == "cancel" else getattr(signal, f"SIG{name}")
-        if to_shell:
-            os.kill(process.pid, number)
+        if event != "notice":
+            os.killpg(process.pid, signal.SIGTERM)
+        elif to_shell:
+            os.kill(process.pid, getattr(signal, f"SIG{name}"))
         else:
-            os.killpg(process.pid, number)
+            os.killpg(process.pid, getattr(signal, f"SIG{name}"))

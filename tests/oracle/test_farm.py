@@ -1,6 +1,6 @@
 """Promises of docs/guide/farm.md to schedulers: scripts, signals, exit codes and the lines that they parse.
 
-The Slurm script runs against a stand-in (slurm_stand_in.py), not against Slurm.
+The Slurm script runs against a stand-in (slurm_stand_in.py) here, and against Slurm in test_slurm.py.
 """
 
 import json
@@ -9,6 +9,7 @@ import re
 import resource
 import signal
 import subprocess
+import time
 
 import pytest
 
@@ -116,10 +117,10 @@ def test_the_plain_script_takes_a_silent_lock_over_and_no_other(whole, tmp_path)
 def test_the_slurm_script_is_requeued_until_the_shot_is_done(whole, tmp_path):
     out = tmp_path / "out"
     job = Slurm(FARM / "slurm.sbatch", tmp_path)
-    events = [("notice", FIRST + 6), ("node failure", FIRST + 16)]
+    events = [("notice", FIRST + 6), ("node failure", FIRST + 16), ("preemption", FIRST + 20)]
     assert job.run(out, [*ARGUMENTS, "--checkpoint-every", "5f"], events) == 0
-    assert job.starts == [0, "node failure", 0]
-    assert [attempt.get("end") for attempt in attempts(out)] == ["signal USR1", None, "done"]
+    assert job.starts == [0, "node failure", "preemption", 0]
+    assert [attempt.get("end") for attempt in attempts(out)] == ["signal USR1", None, "signal TERM", "done"]
     assert {attempt["threads"] for attempt in attempts(out)} == {2}, "SLURM_CPUS_PER_TASK is not heard"
     assert_same(out, whole)
     # The log was continued, and progress goes on at its true value.
@@ -134,6 +135,57 @@ def test_a_cancelled_slurm_job_writes_a_checkpoint_and_is_not_requeued(tmp_path)
     job = Slurm(FARM / "slurm.sbatch", tmp_path)
     assert job.run(out, ARGUMENTS, [("cancel", FIRST + 6)]) == 75
     assert attempts(out)[-1]["end"] == "signal TERM" and list((out / "checkpoints").glob("*.h5"))
+
+
+def test_the_ssh_script_goes_to_the_next_machine_and_ends_when_it_is_told(whole, tmp_path, monkeypatch):
+    # A stand-in for ssh: a machine that does not answer, one whose run is killed, and one that works.
+    (tmp_path / "bin").mkdir()
+    ssh, hosts = tmp_path / "bin" / "ssh", tmp_path / "hosts.txt"
+    ssh.write_text(f"""#!/bin/bash
+echo "${{@: -2:1}}" >> {hosts}
+case ${{@: -2:1}} in
+down) exit 255 ;;
+failing)
+    setsid bash -c "${{@: -1}}" &
+    until grep -q '"last_complete_frame": *10' {tmp_path}/first/manifest.json; do sleep 0.01; done 2>/dev/null
+    kill -s KILL -- -$!
+    exit 137
+    ;;
+esac
+exec bash -c "${{@: -1}}"
+""")
+    ssh.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:{os.environ['PATH']}")
+
+    def start(names, out, resolution):
+        command = ["bash", str(FARM / "ssh.sh"), names, str(out), *ARGUMENTS[:-1], f"resolution={resolution}"]
+        return subprocess.Popen(command, cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
+
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert start("down failing working", first, RESOLUTION).wait(PATIENCE) == 0
+    assert [attempt.get("end") for attempt in attempts(first)] == [None, "done"]
+    assert_same(first, whole)
+    # An error that no machine can mend is passed on at once.
+    assert start("working down", second, "none").wait(PATIENCE) == 78
+    assert hosts.read_text().split() == ["down", "failing", "working", "working"]
+    # The script stops the run through its folder, and ends with it.
+    script = start("working", second, SLOW)
+    wait_for_frame(second, FIRST, script)
+    script.send_signal(signal.SIGTERM)
+    assert script.wait(PATIENCE) == 75
+    assert attempts(second)[-1]["end"] == "control/stop"
+
+
+def test_status_of_many_runs_is_a_line_of_json_each(tmp_path):
+    small(tmp_path)
+    small(tmp_path / "other", "--max-wall", "0.001s")
+    shown = drapery("status", tmp_path / "out", tmp_path / "other" / "out", tmp_path / "none", "--json")
+    assert shown.returncode == 66 and "none" in shown.stderr
+    done, stopped, missing = map(json.loads, shown.stdout.splitlines())
+    assert (done["folder"], done["state"], done["end"], done["attempts"]) == (str(tmp_path / "out"), "done", "done", 1)
+    assert (stopped["state"], stopped["end"], stopped["eta"], stopped["process"]) == ("stopped", "max-wall", None, None)
+    assert (missing["state"], missing["folder"]) == ("unreadable", str(tmp_path / "none")) and missing["error"]
+    assert done["host"] == os.uname().nodename and done["seconds"] > 0
 
 
 # What schedulers look for in a line. Tractor's default filter uses `re.match`.
@@ -273,6 +325,7 @@ def test_every_option_that_page_and_examples_name_exists():
              for line in file.read_text().splitlines() if not line.startswith("#")
              for option in re.findall(r"--[a-z][a-z-]+", line)}
     named |= {("farm.md", option) for option in re.findall(r"`(--[a-z][a-z-]+)", page)}
-    foreign = {"--signal", "--requeue", "--open-mode", "--job-name", "--mca"}
+    foreign = {"--signal", "--requeue", "--open-mode", "--job-name", "--mca", "--mpi", "--kill-on-bad-exit", "--cpus-per-task", "--parsable",
+               "--dependency", "--kill-on-invalid-dep", "--ntasks", "--partition"}
     assert len(named) > 20
     assert not {(file, option) for file, option in named if option not in known | foreign}

@@ -1,8 +1,9 @@
 //! Progress of a run, for `drapery status`. Reads only; a run that is being written is not disturbed.
 
 use std::path::Path;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
+use drapery_io::duration::utc;
 use drapery_io::error::IoError;
 use drapery_shot::farm::lock::{self, Holder, Presence};
 use drapery_shot::farm::stale::{self, Stale};
@@ -15,16 +16,32 @@ use serde::Serialize;
 /// Number of frames from which the rate is given.
 const RATE_FRAMES: usize = 10;
 
+/// Word for a process that runs.
+const ALIVE: &str = "alive";
+
+/// Word for a process, and for its run, that was not heard of for minutes.
+const SILENT: &str = "silent";
+
 /// Word for a process that has certainly ended.
 const GONE: &str = "gone";
+
+/// State of a run that goes on.
+const RUNNING: &str = "running";
+
+/// State of a run whose process ended without a message.
+const KILLED: &str = "killed";
 
 /// Progress of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
+    /// Folder of the run, as it was named.
+    pub folder: String,
     /// Name of the shot.
     pub shot: String,
-    /// `running`, `stopped`, `done` or `failed`; what the manifest says.
+    /// `running`, `stopped`, `done`, `failed`, `killed` (its process ended without a message), or `silent` (no heartbeat for minutes).
     pub state: String,
+    /// End of the last attempt: `done`, `failed`, or the reason of a stop, as in `signal TERM`; `None` while it runs and after a kill.
+    pub end: Option<String>,
     /// Why it failed.
     pub error: Option<String>,
     /// First frame that is delivered.
@@ -43,6 +60,14 @@ pub struct Status {
     pub seconds_per_frame: Option<f64>,
     /// Seconds to the end at that rate; `None` before the first frame and after the last.
     pub seconds_left: Option<f64>,
+    /// Time of day at which it ends at that rate, as in `2026-05-04 09:30:00 UTC`; `None` unless it runs.
+    pub eta: Option<String>,
+    /// Seconds that the frames of all attempts took.
+    pub seconds: f64,
+    /// Number of attempts.
+    pub attempts: usize,
+    /// Machine of the last attempt; rank 0 of several.
+    pub host: Option<String>,
     /// Last good checkpoint.
     pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
@@ -97,7 +122,14 @@ impl Status {
     /// # Errors
     /// The folder holds no run, or its manifest cannot be understood.
     pub fn of(path: &Path, now: SystemTime) -> Result<Self, IoError> {
+        // Before the manifest: a run that ends in the meantime has its last word there.
+        let mut process = lock::holder(path, now)?;
         let folder = RunFolder::read(path)?;
+        if process.is_none() {
+            // Or it has begun in the meantime.
+            process = lock::holder(path, now)?;
+        }
+        let process = process.map(Process::from);
         let (frames_done, frames_total) = folder.delivered();
         let rows = &folder.record.frames;
         // The first row is the start, where nothing is simulated; it would make a young run look fast.
@@ -110,11 +142,16 @@ impl Status {
         let start = folder.record.header.start_frame.unwrap_or(folder.manifest.first_frame);
         let counted_to = folder.manifest.last_complete_frame.or(reached);
         let uncounted = counted_to.map_or_else(Vec::new, |last| folder.record.uncounted(start, last));
-        let process = lock::holder(path, now)?.map(Process::from);
         let manifest = folder.manifest;
+        let state = judged(&manifest.state, process.as_ref());
+        let seconds_left = rate.filter(|_| left > 0).map(|rate| rate * left as f64);
+        // A damaged record may say any number of seconds.
+        let eta = seconds_left.and_then(|left| now.checked_add(Duration::try_from_secs_f64(left).ok()?)).map(utc);
+        let last = manifest.attempts.last();
         Ok(Self {
+            folder: path.display().to_string(),
             shot: manifest.shot,
-            state: manifest.state.into_owned(),
+            end: last.and_then(|attempt| attempt.end.clone()),
             error: manifest.error,
             first_frame: manifest.first_frame,
             last_frame: manifest.last_frame,
@@ -123,7 +160,12 @@ impl Status {
             frames_done,
             frames_total,
             seconds_per_frame: rate,
-            seconds_left: rate.filter(|_| left > 0).map(|rate| rate * left as f64),
+            seconds_left,
+            eta: eta.filter(|_| state == RUNNING),
+            state,
+            seconds: manifest.attempts.iter().map(|attempt| attempt.seconds).sum(),
+            attempts: manifest.attempts.len(),
+            host: last.map(|attempt| attempt.host.clone()).filter(|host| !host.is_empty()),
             checkpoint: manifest.checkpoint,
             degradations,
             steps_tried_again,
@@ -131,15 +173,22 @@ impl Status {
             stale: stale::look(path),
             process,
             // Older programs had one.
-            ranks: manifest.attempts.last().map_or(1, |attempt| attempt.ranks.max(1)),
+            ranks: last.map_or(1, |attempt| attempt.ranks.max(1)),
             command: manifest.command,
         })
     }
+}
 
-    /// Whether the manifest says that the run goes on, but its process is known to have ended: it was killed.
-    pub fn was_killed(&self) -> bool {
-        self.state == "running" && self.process.as_ref().is_some_and(|process| process.presence == GONE)
-    }
+/// State of a run from the word in its manifest, which a process that was killed leaves at `running`, and the owner of its lock.
+fn judged(written: &str, process: Option<&Process>) -> String {
+    let state = match process.map(|process| process.presence) {
+        _ if written != RUNNING => written,
+        Some(ALIVE) => RUNNING,
+        Some(SILENT) => SILENT,
+        // A process that ends by itself removes its lock after it has written how it ended.
+        _ => KILLED,
+    };
+    state.to_owned()
 }
 
 /// Counts with a limit that are not zero, in the order of the table of limits.
@@ -173,8 +222,8 @@ pub fn retries(folder: &RunFolder) -> Option<(u64, i64)> {
 impl From<Holder> for Process {
     fn from(holder: Holder) -> Self {
         let presence = match holder.presence {
-            Presence::Alive => "alive",
-            Presence::Silent => "silent",
+            Presence::Alive => ALIVE,
+            Presence::Silent => SILENT,
             Presence::Gone => GONE,
         };
         let (host, pid) = holder.owner.map(|owner| (owner.host, owner.pid)).unzip();
@@ -219,7 +268,8 @@ mod tests {
         let found: Vec<_> = status.degradations.iter().map(found).collect();
         assert_eq!(found, [("crossings", 8, 1002, 1002, 2), ("cg_short", 3, 1003, 1003, 2)]);
         assert_eq!(status.checkpoint.as_ref().map(|c| (c.frame, c.sub_step)), Some((1003, 2)));
-        assert_eq!((status.process.as_ref(), status.was_killed()), (None, false));
+        // Nobody holds the folder of a run that its manifest takes for running.
+        assert_eq!((status.process.as_ref(), status.state.as_str(), status.eta.as_ref()), (None, "killed", None));
     }
 
     #[test]
@@ -233,6 +283,19 @@ mod tests {
     }
 
     #[test]
+    fn attempts_are_counted_and_the_last_one_names_machine_and_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let attempts = r#"[{"host":"render01","seconds":40.0,"end":"signal TERM"},{"host":"render02","seconds":2.5,"end":"max-wall"}]"#;
+        let manifest =
+            format!(r#"{{"shot":"s","state":"stopped","first_frame":1,"last_frame":9,"attempts":{attempts}}}"#);
+        std::fs::write(folder.path().join("manifest.json"), manifest).unwrap();
+        let status = Status::of(folder.path(), SystemTime::now()).unwrap();
+        assert_eq!((status.attempts, status.seconds), (2, 42.5));
+        assert_eq!((status.host.as_deref(), status.end.as_deref()), (Some("render02"), Some("max-wall")));
+        assert_eq!((status.state.as_str(), status.eta), ("stopped", None));
+    }
+
+    #[test]
     fn the_holder_of_the_lock_is_named_while_it_runs() {
         let folder = tempfile::tempdir().unwrap();
         half_done(folder.path(), "running");
@@ -242,10 +305,10 @@ mod tests {
         let status = Status::of(folder.path(), now).unwrap();
         let process = status.process.as_ref().expect("the lock is held");
         assert_eq!((process.pid, process.presence), (Some(std::process::id()), "alive"));
-        assert!(!status.was_killed());
+        assert_eq!((status.state.as_str(), status.eta), ("running", Some(utc(now + Duration::from_secs(12)))));
         // Another process of the same number that started at another time is not the one that took the lock.
         drop(held);
         let _gone = RunLock::take(folder.path(), &Owner { started: owner.started + 1, ..owner }, false, now).unwrap();
-        assert!(Status::of(folder.path(), now).unwrap().was_killed());
+        assert_eq!(Status::of(folder.path(), now).unwrap().state, "killed");
     }
 }

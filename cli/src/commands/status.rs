@@ -1,4 +1,4 @@
-//! `drapery status`: how far a run is.
+//! `drapery status`: how far runs are.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -7,6 +7,7 @@ use std::time::SystemTime;
 use drapery_analysis::report::status::{Process, Status};
 use drapery_shot::farm::stale;
 use drapery_shot::run_record::reader::in_words;
+use serde_json::json;
 
 use crate::args::StatusArgs;
 use crate::exit_code::ExitCode;
@@ -14,30 +15,49 @@ use crate::failure::Failure;
 use crate::progress::duration;
 use crate::say;
 
-/// Prints how far a run is, without disturbing it.
+/// Prints how far runs are, without disturbing them. One that cannot be read does not hide the others.
 pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
-    let status = Status::of(&args.folder, SystemTime::now())?;
-    if args.json {
-        // A struct of texts and numbers always has a JSON form.
-        say::line(serde_json::to_string_pretty(&status).unwrap_or_default());
-    } else {
-        say::line(text(&status, &args.folder).trim_end());
+    let now = SystemTime::now();
+    let mut unreadable: Option<Failure> = None;
+    for (number, folder) in args.folders.iter().enumerate() {
+        match Status::of(folder, now) {
+            // A struct of texts and numbers always has a JSON form.
+            Ok(status) if args.json => say::line(serde_json::to_string(&status).unwrap_or_default()),
+            Ok(status) => {
+                let gap = if number > 0 { "\n" } else { "" };
+                say::line(format_args!("{gap}{}", text(&status, folder, args.folders.len() > 1).trim_end()));
+            }
+            Err(error) => {
+                if args.json {
+                    let (folder, error) = (folder.display().to_string(), error.to_string());
+                    say::line(json!({ "folder": folder, "state": "unreadable", "error": error }));
+                }
+                if let Some(earlier) = unreadable.replace(error.into()) {
+                    earlier.report();
+                }
+            }
+        }
     }
-    Ok(ExitCode::Done)
+    unreadable.map_or(Ok(ExitCode::Done), Err)
 }
 
-fn text(status: &Status, folder: &Path) -> String {
+/// The lines about a run; `named` adds its folder, since runs of one scene have the same name.
+fn text(status: &Status, folder: &Path, named: bool) -> String {
     let mut text = format!("{}: {}\n", status.shot, state(status));
     let mut line = |name: &str, value: String| {
         // Writing into a text cannot fail.
         let _ = writeln!(text, "  {name:<12} {value}");
     };
+    if named {
+        line("folder", status.folder.clone());
+    }
     line("frames", frames(status));
     if let Some(rate) = status.seconds_per_frame {
         line("rate", format!("{} per frame (median of the last 10)", seconds(rate)));
     }
     if let (Some(left), true) = (status.seconds_left, status.state != "done") {
-        line("time left", format!("{} at this rate", duration(left)));
+        let eta = status.eta.as_ref().map(|eta| format!(", until {eta}")).unwrap_or_default();
+        line("time left", format!("{} at this rate{eta}", duration(left)));
     }
     if let Some(checkpoint) = &status.checkpoint {
         let steps = if checkpoint.sub_step == 0 { String::new() } else { format!(" + {} steps", checkpoint.sub_step) };
@@ -77,12 +97,13 @@ fn text(status: &Status, folder: &Path) -> String {
 }
 
 fn state(status: &Status) -> String {
-    if status.was_killed() {
-        return "killed (its process ended without a message); run the same command again to resume".to_owned();
-    }
-    match status.process.as_ref().map(|process| process.presence) {
-        Some("silent") if status.state == "running" => "running, or dead: no heartbeat for minutes".to_owned(),
-        _ => status.state.clone(),
+    match (status.state.as_str(), &status.end) {
+        ("killed", _) => {
+            "killed (its process ended without a message); run the same command again to resume".to_owned()
+        }
+        ("silent", _) => "running, or dead: no heartbeat for minutes".to_owned(),
+        ("stopped", Some(reason)) => format!("stopped ({reason})"),
+        (state, _) => state.to_owned(),
     }
 }
 

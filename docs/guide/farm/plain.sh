@@ -31,7 +31,7 @@ done
 code=75
 while [ -z "$told" ]; do
     steal=()
-    if "$drapery" status "$out" --json 2>/dev/null | grep -q '"presence": "silent"'; then
+    if "$drapery" status "$out" --json 2>/dev/null | grep -q '"presence":"silent"'; then
         steal=(--steal-lock)
     fi
     "$drapery" run "$@" --out "$out" "${steal[@]}" &

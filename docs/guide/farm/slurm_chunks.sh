@@ -1,0 +1,31 @@
+#!/bin/bash
+# Submits a shot to Slurm as a chain of jobs, each with a chunk of the frames and a log of its own.
+#
+#   slurm_chunks.sh NAME FRAMES OUT SCENE FIRST-LAST [arguments of `drapery run`, but for --frames and --out]
+#
+# FRAMES is the number of frames in a chunk; 1 makes a job and a log of every frame, NAME.FRAMES.JOB.log. A job starts when the one before
+# it is done, and resumes from the checkpoint at its end. If one fails, Slurm removes the jobs that wait for it. Submit the same again
+# to continue: chunks that are done end at once.
+#
+# SBATCH="sbatch --partition=night --cpus-per-task=8" adds options of sbatch. Prints the numbers of the jobs.
+set -euo pipefail
+name=${1:?usage: slurm_chunks.sh NAME FRAMES OUT SCENE FIRST-LAST [arguments of drapery run]}
+each=$2 out=$3 scene=$4 range=$5
+shift 5
+[[ $each =~ ^[1-9][0-9]*$ && $range =~ ^(-?[0-9]+)-(-?[0-9]+)$ ]] || {
+    echo "slurm_chunks.sh: FRAMES is a number above zero and the range FIRST-LAST, not $each and $range" >&2
+    exit 2
+}
+read -r -a sbatch <<<"${SBATCH:-sbatch}"
+first=${BASH_REMATCH[1]} last=${BASH_REMATCH[2]}
+
+after=()
+for ((from = first; from <= last; from += each)); do
+    to=$((from + each - 1 < last ? from + each - 1 : last))
+    # Every chunk asks for all frames up to its end: a finished range is extended, and nothing is simulated twice.
+    job=$("${sbatch[@]}" --parsable --job-name="$name.$from-$to" "${after[@]}" "$(dirname "$0")/slurm.sbatch" "$out" "$scene" \
+        --frames "$first-$to" "$@")
+    echo "$job"
+    # A job of several clusters is NUMBER;CLUSTER.
+    after=(--dependency="afterok:${job%%;*}" --kill-on-invalid-dep=yes)
+done
