@@ -13,6 +13,12 @@ from .settings import DEFORMING
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
 CACHE = "Drapery Cache"
 CONSTRAINTS = ("Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location")
+# The modifier of the Live View, and what an object may have of Drapery's in the place where the simulation belongs.
+LIVE = "Drapery Live"
+SIMULATED = (CACHE, LIVE)
+# A scene has up to two runs: the simulation, and a preview in a folder of its own inside the scene folder.
+FINAL, PREVIEW = "", "preview"
+KINDS = (FINAL, PREVIEW)
 # Sizes in metres of which the solver asks nothing, and of clothes. Where clothes have them, the unit of length is right, and a cup or a
 # ship is as large as it is meant.
 OF_BODIES, OF_GARMENTS = (0.21, 19.0), (0.03, 19.0)
@@ -28,7 +34,7 @@ def marked(scene, role):
 def division(thing):
     """Number of modifiers of a garment, from the top, that shape the simulated mesh. The cache comes after them."""
     for index, modifier in enumerate(thing.modifiers):
-        if modifier.name == CACHE:
+        if modifier.name in SIMULATED:
             return index
         deforms = modifier.type in DEFORMING or not (modifier.show_viewport or modifier.show_render)
         if thing.drapery.simulated == "BASE" and not deforms:
@@ -36,13 +42,13 @@ def division(thing):
     return len(thing.modifiers)
 
 
-def scene_folder(scene):
-    """The folder of the scene; None where it is relative to a file that was never saved."""
+def scene_folder(scene, kind=FINAL):
+    """The folder of the scene, or of its preview; None where it is relative to a file that was never saved."""
     # Files that lie side by side, and scenes of one file, do not get into each other's way.
     path = scene.drapery.folder or f"//drapery/{plain_name(Path(bpy.data.filepath).stem)}/{shot_name(scene)}"
     if path.startswith("//") and not bpy.data.filepath:
         return None
-    return Path(bpy.path.abspath(path)).resolve()
+    return Path(bpy.path.abspath(path)).resolve() / kind
 
 
 def frames(scene):
@@ -54,9 +60,9 @@ def shot_name(scene):
     return plain_name(scene.name)
 
 
-def run_folder(scene):
+def run_folder(scene, kind=FINAL):
     """Folder of the run when the command is called in the scene folder, here and on a farm; None as `scene_folder`."""
-    folder = scene_folder(scene)
+    folder = scene_folder(scene, kind)
     return folder and folder / "out" / shot_name(scene)
 
 
@@ -83,9 +89,9 @@ class Collected:
     The job is None, and there is no text, where there are problems. `warnings` prevent nothing.
     """
 
-    def __init__(self, scene):
-        self.scene = scene
-        self.folder = scene_folder(scene)
+    def __init__(self, scene, kind=FINAL):
+        self.scene, self.kind = scene, kind
+        self.folder = scene_folder(scene, kind)
         self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
         self.problems, self.warnings = [], []
         self.look()
@@ -114,7 +120,7 @@ class Collected:
         if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
             self.say("Bodies would jump from the rest frame to the first", "set Blend to some frames, 10 for example")
         for other in bpy.data.scenes:
-            if other != self.scene and self.folder and scene_folder(other) == self.folder and marked(other, "GARMENT"):
+            if other != self.scene and self.folder and scene_folder(other, self.kind) == self.folder and marked(other, "GARMENT"):
                 self.say(f'The scene "{other.name}" has the same folder, {self.folder}', "choose another for one of them")
         for things, what in ((self.garments, "garments"), (self.bodies, "bodies")):
             for group in names_taken_twice([thing.name for thing in things]):
@@ -227,7 +233,7 @@ class Collected:
         own, [first, last] = self.scene.drapery, frames(self.scene)
         rest_frame = own.rest_frame if own.own_rest else first
         rate = frame_rate(self.scene.render.fps, self.scene.render.fps_base)
-        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, own.preset, own.gravity, own.self_contact,
+        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, self.kind or own.preset, own.gravity, own.self_contact,
                     upright(own.wind_velocity) if own.wind else None)
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,

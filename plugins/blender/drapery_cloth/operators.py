@@ -4,8 +4,9 @@ import bmesh
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import answers, load_cache, state, work
-from .collect import division, frames, run_folder
+from . import answers, load_cache, state, tasks
+from .answers import Problem
+from .collect import FINAL, PREVIEW, division, frames, run_folder, scene_folder
 from .scene_text import plain_name
 from .settings import is_garment
 
@@ -107,16 +108,17 @@ class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def runs(context):
+def runs(context, kind=FINAL):
     if bpy.app.background:
-        state.work().look_now(context.scene)
-    status = state.work().view(context.scene).status
-    return context.scene.name in state.work().watched or bool(status and status.running)
+        state.work().look_now(context.scene, kind)
+    status = state.work().view(context.scene, kind).status
+    return (context.scene.name, kind) in state.work().watched or bool(status and status.running)
 
 
 class Task:
-    """Start and end of work in the background, unless a script waits for it."""
+    """Start and end of work in the background, unless a script waits for it. `kind` is the run that it is about."""
 
+    kind = FINAL
     wait: BoolProperty(name="Wait", options={"HIDDEN", "SKIP_SAVE"},
                        description="Return when all is done, for scripts: a simulation, too, is at its end then. Without a window "
                        "all but a simulation is waited for in any case")
@@ -124,13 +126,13 @@ class Task:
     def begin(self, context, task, *options):
         """Starts a task; CANCELLED, with a report, if it is known to have failed."""
         live, scene = state.work(), context.scene
-        view = live.view(scene)
-        live.start(scene, task(scene, view, *options))
+        view = live.view(scene, self.kind)
+        live.start(scene, task(scene, view, *options), self.kind)
         # Without a window nobody would go on with it.
         if self.wait or bpy.app.background:
             live.wait(lambda: not live.busy)
         if self.wait and not view.failed:
-            live.wait(lambda: live.is_over(scene))
+            live.wait(lambda: live.is_over(scene, self.kind))
             view.failed = self.ended_badly(view)
         if not view.failed:
             return {"FINISHED"}
@@ -176,7 +178,7 @@ class SCENE_OT_drapery_write(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_write", "Write Scene Folder"
 
     def execute(self, context):
-        return self.begin(context, work.write_task)
+        return self.begin(context, tasks.write_task)
 
 
 class SCENE_OT_drapery_check(Free, bpy.types.Operator):
@@ -185,7 +187,7 @@ class SCENE_OT_drapery_check(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_check", "Check"
 
     def execute(self, context):
-        return self.begin(context, work.check_task)
+        return self.begin(context, tasks.check_task)
 
 
 class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
@@ -194,7 +196,7 @@ class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_plan", "Plan"
 
     def execute(self, context):
-        return self.begin(context, work.plan_task)
+        return self.begin(context, tasks.plan_task)
 
 
 HOW = [("GO_ON", "Resume", "After the frames that are there already"),
@@ -211,7 +213,7 @@ class SCENE_OT_drapery_simulate(Simulates, bpy.types.Operator):
     how: EnumProperty(items=HOW, options={"SKIP_SAVE"})
 
     def execute(self, context):
-        return self.begin(context, work.simulate_task, *OPTIONS[self.how])
+        return self.begin(context, tasks.simulate_task, *OPTIONS[self.how])
 
 
 class SCENE_OT_drapery_continue(Simulates, bpy.types.Operator):
@@ -225,7 +227,7 @@ class SCENE_OT_drapery_continue(Simulates, bpy.types.Operator):
         return super().poll(context) and bool(folder) and (folder / "manifest.json").exists()
 
     def execute(self, context):
-        return self.begin(context, work.continue_task)
+        return self.begin(context, tasks.continue_task)
 
 
 class SCENE_OT_drapery_cancel(Task, bpy.types.Operator):
@@ -241,10 +243,40 @@ class SCENE_OT_drapery_cancel(Task, bpy.types.Operator):
         if state.work().busy:
             state.work().stop_task()
             return {"FINISHED"}
-        return self.begin(context, work.cancel_task)
+        return self.begin(context, tasks.cancel_task)
 
     def ended_badly(self, view):
         return view.status is not None and view.status.running
+
+
+class SCENE_OT_drapery_preview(Simulates, bpy.types.Operator):
+    """Simulate the shot with the settings of Quality: Preview in a folder of its own, and show each frame. The simulation stays as it is"""
+
+    bl_idname, bl_label, kind = "scene.drapery_preview", "Preview", PREVIEW
+
+    @classmethod
+    def poll(cls, context):
+        if runs(context, PREVIEW):
+            cls.poll_message_set("The preview runs; Dismiss ends it")
+            return False
+        return not state.work().busy
+
+    def execute(self, context):
+        return self.begin(context, tasks.preview_task)
+
+
+class SCENE_OT_drapery_dismiss(Task, bpy.types.Operator):
+    """End the preview, take it off the garments and delete its folder"""
+
+    bl_idname, bl_label, kind = "scene.drapery_dismiss", "Dismiss", PREVIEW
+
+    @classmethod
+    def poll(cls, context):
+        folder = scene_folder(context.scene, PREVIEW)
+        return not state.work().busy and (context.scene.drapery.preview or bool(folder) and folder.exists())
+
+    def execute(self, context):
+        return self.begin(context, tasks.dismiss_task)
 
 
 class SCENE_OT_drapery_load(bpy.types.Operator):
@@ -262,10 +294,10 @@ class SCENE_OT_drapery_load(bpy.types.Operator):
             remarks = load_cache.load(context)
         except load_cache.CannotLoad as error:
             # In the panel too: a report is gone after a few seconds.
-            view.problems = [work.Problem(str(error))]
+            view.problems = [Problem(str(error))]
             self.report({"WARNING"}, str(error))
             return {"CANCELLED"}
-        view.problems = [work.Problem(remark, warning=True) for remark in remarks]
+        view.problems = [Problem(remark, warning=True) for remark in remarks]
         view.lines = ["Caches loaded"]
         return {"FINISHED"}
 
@@ -354,5 +386,5 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 CLASSES = (
     OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
     OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate,
-    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
+    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip

@@ -3,7 +3,7 @@
 import bpy
 
 from . import answers, load_cache, state
-from .collect import marked, scene_folder
+from .collect import PREVIEW, marked, scene_folder
 from .operators import runs
 from .pictures import OTHER
 
@@ -185,42 +185,10 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         layout.prop(own, "threads")
 
 
-class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
-    bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
+class Report:
+    """What panels about a run have in common."""
 
-    def draw(self, context):
-        state.work().follow(context.scene)
-        layout, view = self.layout, state.work().view(context.scene)
-        row = layout.row(align=True)
-        row.operator("scene.drapery_check", icon="CHECKMARK")
-        row.operator("scene.drapery_plan", icon="VIEWZOOM")
-        row = layout.row(align=True)
-        row.scale_y = 1.4
-        if state.work().busy or runs(context):
-            row.operator("scene.drapery_cancel", icon="CANCEL")
-        else:
-            row.operator("scene.drapery_simulate", icon="PLAY").how = "GO_ON"
-            row.operator("scene.drapery_continue", icon="FF")
-        self.progress(layout, view, context)
-        if view.refused:
-            column = layout.column(align=True)
-            column.operator("scene.drapery_simulate", text="Start Anew", icon="TRASH").how = "ANEW"
-            column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
-        for line in view.lines:
-            wrapped(layout, line, "INFO")
-        self.problems(layout, view.problems)
-        if view.status and view.warnings:
-            layout.label(text="Warnings of the Simulation", icon="INFO")
-            self.problems(layout, view.warnings)
-        row = layout.row(align=True)
-        row.operator("scene.drapery_load", icon="IMPORT")
-        row.operator("scene.drapery_unload", icon="LOOP_BACK")
-        layout.prop(context.scene.drapery, "cache_folder", text="From")
-        layout.operator("scene.drapery_write", icon="FILE_FOLDER")
-        if not bpy.app.build_options.alembic:
-            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
-
-    def progress(self, layout, view, context):
+    def progress(self, layout, view):
         if view.doing:
             self.bar(layout, view.share, view.doing)
         elif view.status:
@@ -257,5 +225,72 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             layout.label(text=f"and {len(problems) - SHOWN} more")
 
 
+class VIEW3D_PT_drapery_simulation(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
+
+    def draw(self, context):
+        state.work().follow(context.scene)
+        layout, view = self.layout, state.work().view(context.scene)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_check", icon="CHECKMARK")
+        row.operator("scene.drapery_plan", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        if state.work().busy or runs(context):
+            row.operator("scene.drapery_cancel", icon="CANCEL")
+        else:
+            row.operator("scene.drapery_simulate", icon="PLAY").how = "GO_ON"
+            row.operator("scene.drapery_continue", icon="FF")
+        self.progress(layout, view)
+        if view.refused:
+            column = layout.column(align=True)
+            column.operator("scene.drapery_simulate", text="Start Anew", icon="TRASH").how = "ANEW"
+            column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
+        for line in view.lines:
+            wrapped(layout, line, "INFO")
+        self.problems(layout, view.problems)
+        if view.status and view.warnings:
+            layout.label(text="Warnings of the Simulation", icon="INFO")
+            self.problems(layout, view.warnings)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_load", icon="IMPORT")
+        row.operator("scene.drapery_unload", icon="LOOP_BACK")
+        layout.prop(context.scene.drapery, "cache_folder", text="From")
+        layout.operator("scene.drapery_write", icon="FILE_FOLDER")
+        if not bpy.app.build_options.alembic:
+            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
+
+
+class VIEW3D_PT_drapery_preview(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_preview", "Preview", "VIEW3D_PT_drapery_simulation"
+
+    def draw(self, context):
+        layout, view = self.layout, state.work().view(context.scene, PREVIEW)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_preview", icon="PLAY")
+        row.operator("scene.drapery_dismiss", icon="X")
+        self.progress(layout, view)
+        for line in view.lines:
+            wrapped(layout, line, "INFO")
+        self.problems(layout, view.problems)
+
+
+class VIEW3D_PT_drapery_live(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_live", "Live View", "VIEW3D_PT_drapery_simulation"
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.drapery, "live", text="")
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        layout.prop(scene.drapery, "live_newest")
+        shown = state.work().live.state(scene)
+        if shown is None:
+            return
+        text, other = shown.note(scene.frame_current)
+        wrapped(layout, ("Preview: " if scene.drapery.preview else "") + text, "ERROR" if other else "HIDE_OFF")
+        self.problems(layout, shown.problems)
+
+
 CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
-           VIEW3D_PT_drapery_simulation)
+           VIEW3D_PT_drapery_simulation, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live)

@@ -66,6 +66,15 @@ def overridable(kind):
     return kind
 
 
+def live_changed(self, context):
+    live = state.work().live
+    if self.live or self.preview:
+        live.refresh(self.id_data)
+        state.work().wake()
+    else:
+        live.take_off(self.id_data)
+
+
 def fabric_entries(self, context):
     return state.pictures().fabric_entries()
 
@@ -192,6 +201,11 @@ class DraperyScene(bpy.types.PropertyGroup):
     wind_velocity: FloatVectorProperty(name="Velocity (m/s)", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-1000.0, max=1000.0,
                                        options=set(), description="Velocity of the air in metres a second, whatever the unit scale is; "
                                        "0 is still air, which slows the cloth")
+    live: BoolProperty(name="Live View", update=live_changed, options=set(), description="Garments show the frames of the simulation as "
+                       "soon as they are written, also those that a farm writes to the folder under From")
+    live_newest: BoolProperty(name="Follow Newest Frame", options=set(), description="The playhead goes to each frame that is new")
+    # Set by Preview and cleared by Dismiss.
+    preview: BoolProperty(options={"HIDDEN"})
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
                                  description="Folder of a run that a farm has made; empty for the scene folder's own")
