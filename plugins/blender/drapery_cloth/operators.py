@@ -8,7 +8,7 @@ from . import answers, load_cache, state, tasks
 from .answers import Problem
 from .collect import FINAL, PREVIEW, division, frames, run_folder, scene_folder
 from .scene_text import plain_name
-from .settings import is_garment
+from .settings import COLOURS, is_garment
 
 
 class OBJECT_OT_drapery_mark(bpy.types.Operator):
@@ -279,6 +279,37 @@ class SCENE_OT_drapery_dismiss(Task, bpy.types.Operator):
         return self.begin(context, tasks.dismiss_task)
 
 
+class SCENE_OT_drapery_colours(bpy.types.Operator):
+    """Colour the garments at the current frame"""
+
+    bl_idname, bl_label, bl_options = "scene.drapery_colours", "Colours", {"REGISTER", "UNDO"}
+
+    show: EnumProperty(name="Colours", items=COLOURS)
+
+    @classmethod
+    def description(cls, context, properties):
+        return next(entry[2] for entry in COLOURS if entry[0] == properties.show)
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT"
+
+    def execute(self, context):
+        scene, live = context.scene, state.work()
+        scene.drapery.colours = self.show
+        if self.show == "NONE":
+            live.colours.take_off(scene)
+            return {"FINISHED"}
+        # What is there by now.
+        live.tick()
+        done = live.colours.refresh(scene, live.live)
+        live.wake()
+        if done:
+            return {"FINISHED"}
+        self.report({"WARNING"}, next(found for found in live.colours.problems[scene.name] if not found.warning).message)
+        return {"CANCELLED"}
+
+
 class SCENE_OT_drapery_load(bpy.types.Operator):
     """Put the caches on the garments. Materials, UVs and modifiers stay; Undo takes the caches off again"""
 
@@ -386,5 +417,6 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 CLASSES = (
     OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
     OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate,
-    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
+    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_colours,
+    SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip

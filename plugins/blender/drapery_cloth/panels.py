@@ -6,6 +6,7 @@ from . import answers, load_cache, state
 from .collect import PREVIEW, marked, scene_folder
 from .operators import runs
 from .pictures import OTHER
+from .settings import COLOURS
 
 # Problems that are listed; a broken character may have thousands.
 SHOWN = 12
@@ -292,5 +293,23 @@ class VIEW3D_PT_drapery_live(Report, Panel, bpy.types.Panel):
         self.problems(layout, shown.problems)
 
 
+class VIEW3D_PT_drapery_colours(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_colours", "Colours", "VIEW3D_PT_drapery_simulation"
+
+    def draw(self, context):
+        layout, scene, live = self.layout, context.scene, state.work()
+        row = layout.row(align=True)
+        for show, label, _ in COLOURS:
+            row.operator("scene.drapery_colours", text=label, depress=scene.drapery.colours == show).show = show
+        legend = live.colours.legends.get(scene.name)
+        if legend:
+            column = layout.column(align=True)
+            # Of strain from below, so that what is large is above; of contact, what is close.
+            for icon, text in reversed(list(zip(state.pictures().legend_icons(), legend))):
+                column.label(text=text, icon_value=icon)
+        self.problems(layout, live.colours.problems.get(scene.name, []))
+
+
 CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
-           VIEW3D_PT_drapery_simulation, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live)
+           VIEW3D_PT_drapery_simulation, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live,
+           VIEW3D_PT_drapery_colours)

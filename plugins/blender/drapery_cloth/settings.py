@@ -36,6 +36,10 @@ QUANTITIES = [
     ("wind", "Wind", "Share of the wind that is felt"),
 ]
 
+COLOURS = [("NONE", "None", "No colours: meshes and windows as they were before"),
+           ("STRAIN", "Strain", "How far the edges are stretched, from 0 to the largest strain of the fabric"),
+           ("CONTACT", "Contact", "How close the cloth is to bodies and other garments, in thicknesses")]
+
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
@@ -206,6 +210,9 @@ class DraperyScene(bpy.types.PropertyGroup):
     live_newest: BoolProperty(name="Follow Newest Frame", options=set(), description="The playhead goes to each frame that is new")
     # Set by Preview and cleared by Dismiss.
     preview: BoolProperty(options={"HIDDEN"})
+    # Set by the operator Colours; and what windows and meshes were like before, as JSON.
+    colours: EnumProperty(items=COLOURS, options={"HIDDEN"})
+    before_colours: StringProperty(options={"HIDDEN"})
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
                                  description="Folder of a run that a farm has made; empty for the scene folder's own")

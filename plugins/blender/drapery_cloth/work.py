@@ -9,7 +9,7 @@ import traceback
 
 import bpy
 
-from . import answers, live
+from . import answers, colours, live
 from .answers import Failed, Problem
 from .collect import FINAL, KINDS, run_folder, scene_folder
 from .process import NoSolver, Process
@@ -56,7 +56,7 @@ class Work:
         self.next_question = {}
         # Whether runs of the open file have not been looked for yet.
         self.unseen = False
-        self.live = live.Live()
+        self.live, self.colours = live.Live(), colours.Colours()
         # One object: Blender knows a timer by it, and each `self.on_timer` is another.
         self.timer = self.on_timer
 
@@ -166,6 +166,7 @@ class Work:
             process.end()
         self.views, self.watched, self.folders, self.questions, self.next_question, self.unseen = {}, {}, {}, {}, {}, False
         self.live.forget()
+        self.colours.forget()
 
     def remove(self):
         """The add-on is unregistered: processes of its own end, simulations run on."""
@@ -182,12 +183,12 @@ class Work:
     def on_timer(self):
         alive = self.tick()
         # A view that nothing changes in is not drawn again and again.
-        if alive or self.live.changed:
+        if alive or self.live.changed or self.colours.changed:
             for window in getattr(bpy.context.window_manager, "windows", ()):
                 for area in window.screen.areas:
                     if area.type == "VIEW_3D":
                         area.tag_redraw()
-        if alive:
+        if alive or self.colours.wanted:
             return LOOK
         return ASK if self.live.wanted else None
 
@@ -204,6 +205,7 @@ class Work:
             if key in self.watched:
                 self.watch(key)
         self.live.tick()
+        self.colours.tick(self.live)
         return self.busy or bool(self.watched)
 
     def go_on(self, done):
