@@ -65,11 +65,14 @@ class Colours:
         for thing in marked(scene, "GARMENT"):
             try:
                 found.append(self.garment(scene, thing))
+                continue
             except NoColours as error:
-                problems.append(Problem(f'"{thing.name}" has no colours: {error}', error.help, plain_name(thing.name)))
+                why, help = error, error.help
             except (OSError, NotReadable, ValueError, KeyError) as error:
-                problems.append(Problem(f'"{thing.name}" has no colours: {error}', "look whether the run and the scene folder are "
-                                        "complete", plain_name(thing.name)))
+                why, help = error, "look whether the run and the scene folder are complete"
+            problems.append(Problem(f'"{thing.name}" has no colours: {why}', help, plain_name(thing.name)))
+            # Colours of another frame or run would be taken for those of this one.
+            forget_attribute(scene, thing)
         if not found and not problems:
             problems.append(Problem("No object is marked as a garment", "select a mesh and choose Garment under Object"))
         if found:
@@ -279,18 +282,22 @@ def show_attributes(scene):
             thing.data.color_attributes.active_color = attribute
 
 
+def forget_attribute(scene, thing):
+    attributes = thing.data.color_attributes if thing.type == "MESH" else ()
+    if ATTRIBUTE not in attributes or thing.mode == "EDIT" or thing.data.library:
+        return
+    attributes.remove(attributes[ATTRIBUTE])
+    active, rendered = before(scene)["meshes"].get(thing.data.name, ["", -1])
+    if active in attributes:
+        attributes.active_color = attributes[active]
+    if 0 <= rendered < len(attributes):
+        attributes.render_color_index = rendered
+
+
 def forget_attributes(scene):
     known = before(scene)
     for thing in scene.objects:
-        attributes = thing.data.color_attributes if thing.type == "MESH" else ()
-        if ATTRIBUTE not in attributes or thing.mode == "EDIT":
-            continue
-        attributes.remove(attributes[ATTRIBUTE])
-        active, rendered = known["meshes"].get(thing.data.name, ["", -1])
-        if active in attributes:
-            attributes.active_color = attributes[active]
-        if 0 <= rendered < len(attributes):
-            attributes.render_color_index = rendered
+        forget_attribute(scene, thing)
     for screen in bpy.data.screens:
         for index, area in enumerate(screen.areas):
             kept = known["windows"].get(f"{screen.name}/{index}")

@@ -8,7 +8,7 @@ from . import answers, load_cache, state, tasks
 from .answers import Problem
 from .collect import FINAL, PREVIEW, division, frames, run_folder, scene_folder
 from .scene_text import plain_name
-from .settings import COLOURS, is_garment
+from .settings import COLOURS, is_garment, takes_part
 
 
 class OBJECT_OT_drapery_mark(bpy.types.Operator):
@@ -88,12 +88,24 @@ class OBJECT_OT_drapery_map_add(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class OBJECT_OT_drapery_contact_add(ActiveGarment, bpy.types.Operator):
+    """Make a rule of contact: with a second object that is selected, otherwise for the layers of this garment"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_contact_add", "Add Rule", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        thing = context.object
+        others = [other for other in context.selected_objects if other != thing and takes_part(None, other)]
+        thing.drapery.contacts.add().other = others[0] if len(others) == 1 else thing
+        return {"FINISHED"}
+
+
 class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
     """Remove this row"""
 
     bl_idname, bl_label, bl_options = "object.drapery_remove", "Remove", {"REGISTER", "UNDO"}
 
-    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", "")])
+    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", ""), ("contacts", "Contact", "")])
     index: IntProperty(min=0)
 
     def execute(self, context):
@@ -416,7 +428,7 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 
 CLASSES = (
     OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
-    OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate,
-    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_colours,
+    OBJECT_OT_drapery_contact_add, OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan,
+    SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_colours,
     SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip

@@ -32,7 +32,18 @@ def wrapped(layout, text, icon="NONE"):
     column.label(text=line, icon=icon)
 
 
-class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
+class OwnRows:
+    """Settings that replace those of the fabric where they are checked."""
+
+    def own(self, layout, own, key):
+        row = layout.row()
+        row.prop(own, f"own_{key}")
+        sub = row.row()
+        sub.active = getattr(own, f"own_{key}")
+        sub.prop(own, key)
+
+
+class VIEW3D_PT_drapery_object(OwnRows, Panel, bpy.types.Panel):
     bl_idname, bl_label = "VIEW3D_PT_drapery_object", "Object"
 
     def draw(self, context):
@@ -49,13 +60,6 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
             self.own(layout, thing.drapery, "thickness")
             self.own(layout, thing.drapery, "friction")
 
-    def own(self, layout, own, key):
-        row = layout.row()
-        row.prop(own, f"own_{key}")
-        sub = row.row()
-        sub.active = getattr(own, f"own_{key}")
-        sub.prop(own, key)
-
     def garment(self, layout, thing):
         own = thing.drapery
         layout.template_icon_view(own, "fabric", show_labels=True, scale=4.0, scale_popup=3.5)
@@ -67,7 +71,6 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
         layout.prop(own, "stiffens")
         layout.prop(own, "strain_limit")
         layout.prop(own, "order")
-        layout.prop(own, "ignores")
         if len(thing.modifiers) > 0:
             layout.prop(own, "simulated")
         layout.label(text="Render Mesh")
@@ -101,7 +104,46 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
                 box.prop(pin, "body")
             if pin.hold == "SPRING":
                 box.prop(pin, "stiffness")
+            row = box.row()
+            row.prop(pin, "released")
+            sub = row.row()
+            sub.active = pin.released
+            sub.prop(pin, "release")
         self.layout.operator("object.drapery_pin_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_contact(OwnRows, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_contact", "Contact", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        for index, rule in enumerate(context.object.drapery.contacts):
+            box = self.layout.box()
+            row = box.row()
+            row.prop(rule, "other", text="")
+            remove_button(row, "contacts", index)
+            box.prop(rule, "ignore")
+            if not rule.ignore:
+                self.own(box, rule, "friction")
+                self.own(box, rule, "thickness")
+        self.layout.operator("object.drapery_contact_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_properties(OwnRows, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_properties", "Stiffness and Pressure", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        own = context.object.drapery
+        for key in ("stretch", "bending", "damping"):
+            self.own(self.layout, own, key)
+        self.layout.prop(own, "pressure")
+        if own.pressure != "NONE":
+            self.layout.prop(own, "overpressure")
 
 
 class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
@@ -179,10 +221,21 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
             column.prop(own, "blend")
         layout.prop(own, "preset")
         layout.prop(own, "gravity")
+        if own.gravity:
+            layout.prop(own, "gravity_acceleration", text="m/s²")
         layout.prop(own, "self_contact")
+        if own.self_contact:
+            layout.prop(own, "self_friction")
         layout.prop(own, "wind")
         if own.wind:
-            layout.prop(own, "wind_velocity", text="m/s")
+            for key, label in (("wind_velocity", "m/s"), ("wind_normal", None), ("wind_tangential", None)):
+                layout.prop(own, key, text=label)
+        layout.prop(own, "air_drag")
+        if own.air_drag:
+            layout.prop(own, "air_drag_rate")
+        row = layout.row(heading="Caches Also As", align=True)
+        row.prop(own, "also_h5", toggle=True)
+        row.prop(own, "also_usd", toggle=True)
         layout.prop(own, "threads")
 
 
@@ -310,6 +363,6 @@ class VIEW3D_PT_drapery_colours(Report, Panel, bpy.types.Panel):
         self.problems(layout, live.colours.problems.get(scene.name, []))
 
 
-CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
-           VIEW3D_PT_drapery_simulation, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live,
-           VIEW3D_PT_drapery_colours)
+CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_properties, VIEW3D_PT_drapery_contact, VIEW3D_PT_drapery_pins,
+           VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation,
+           VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live, VIEW3D_PT_drapery_colours)

@@ -133,7 +133,7 @@ def check_task(scene, view):
     view.doing, view.share = "Checking every frame", None
     answer = yield from ask_solver(solver, collected.folder, "check", SCENE_FILE, "--json")
     view.problems = collected.warnings + answers.warnings_of(answer)
-    return ["No problems" if not view.problems else "It can be simulated; the warnings may be meant"]
+    return ["No problems" if not view.problems else "It can be simulated; the warnings may be meant", *over_time(collected)]
 
 
 def plan_task(scene, view):
@@ -143,7 +143,12 @@ def plan_task(scene, view):
     view.doing, view.share = "Planning", None
     answer = yield from ask_solver(solver, collected.folder, "plan", SCENE_FILE, "--json")
     view.problems = collected.warnings + answers.warnings_of(answer)
-    return answers.plan_lines(answer)
+    return [*answers.plan_lines(answer), *over_time(collected)]
+
+
+def over_time(collected):
+    """Lines of the panel about keyframed settings."""
+    return [f"Over time: {line}" for line in collected.curves]
 
 
 def simulate_task(scene, view, *options):
