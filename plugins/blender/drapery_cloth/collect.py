@@ -225,6 +225,8 @@ class Collected:
         label = group.bl_rna.properties[f"own_{name}" if hasattr(group, f"own_{name}") else name].name
         thing = group.id_data if isinstance(group.id_data, bpy.types.Object) else None
         where = f'"{thing.name}": {label}' if thing else label
+        if getattr(group, "other", None):
+            where += f' of the contact with "{group.other.name}"'
         try:
             found = over_time(group, name, first, last)
         except NotSampled as error:

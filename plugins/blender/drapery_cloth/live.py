@@ -41,6 +41,8 @@ class Shown:
     def __init__(self):
         self.folder = self.stamp = self.manifest = None
         self.first = self.last = self.end = None
+        # The frame that the playhead was moved to last.
+        self.jumped = None
         self.problems = []
         # By the name of the object.
         self.recordings = {}
@@ -144,6 +146,7 @@ class Live:
             self.remove_from(scene, {thing.name for thing, _, _ in loads})
         if changed is not None:
             self.seen(scene, shown, loads, changed, last)
+        self.jump(scene, shown)
 
     def put_on(self, scene, thing, entry, shown):
         recording = shown.recordings[thing.name]
@@ -155,6 +158,8 @@ class Live:
                                               "undo the change, or simulate again", plain_name(thing.name)))
             return
         compare_points(bpy.context, thing, entry)
+        # Before the modifier: in Blender 3.4 constraints count once a modifier has been added after them.
+        hold_in_the_world(thing, scene, shown.manifest["origin"])
         if modifier is None:
             modifier = insert_modifier(bpy.context, thing, LIVE, "MESH_CACHE")
         modifier.cache_format, modifier.deform_mode, modifier.interpolation = "PC2", "OVERWRITE", "LINEAR"
@@ -162,7 +167,6 @@ class Live:
         # Y up to Z up: the modifier turns by the inverse of the axes that it is given.
         modifier.forward_axis, modifier.up_axis = "POS_Z", "NEG_Y"
         modifier.filepath = path
-        hold_in_the_world(thing, scene, shown.manifest["origin"])
         self.changed = True
 
     def seen(self, scene, shown, loads, changed, last):
@@ -171,9 +175,15 @@ class Live:
         if scene.frame_current >= min(changed, shown.last if last is None else last):
             for thing, _, _ in loads:
                 thing.update_tag(refresh={"DATA"})
+
+    def jump(self, scene, shown):
+        """Moves the playhead to the newest frame, where that is wished: once for each, so that the artist may go elsewhere."""
         screen = getattr(bpy.context, "screen", None)
         playing = screen is not None and screen.is_animation_playing
-        if scene.drapery.live_newest and scene == bpy.context.scene and not playing and scene.frame_current != shown.last:
+        if not scene.drapery.live_newest or scene != bpy.context.scene or playing or shown.jumped == shown.last:
+            return
+        shown.jumped = shown.last
+        if scene.frame_current != shown.last:
             scene.frame_set(shown.last)
 
     def take_off(self, scene):

@@ -198,7 +198,7 @@ class DraperyObject(bpy.types.PropertyGroup):
         items=[("NONE", "None", "No pressure"), ("CLOSED", "Constant", "A closed garment with constant pressure, such as a cushion"),
                ("OPEN", "Open Edges", "Constant pressure on a garment with holes"),
                ("GAS", "Gas", "A closed garment with a fixed amount of gas: squeezing raises the pressure")])
-    overpressure: FloatProperty(name="Pa", default=100.0, min=-1e5, max=1e5,
+    overpressure: FloatProperty(name="Overpressure (Pa)", default=100.0, min=-1e5, max=1e5,
                                 description="Pressure inside minus pressure outside; a cushion has 100 Pa, a toy balloon 2000 Pa; may be "
                                 "keyframed")
     contacts: CollectionProperty(type=DraperyContact)
@@ -269,7 +269,7 @@ class DraperyScene(bpy.types.PropertyGroup):
     also_usd: BoolProperty(name="USD", description="Write caches as USD, too, where the solver was built with it")
     live: BoolProperty(name="Live View", update=live_changed, options=set(), description="Garments show the frames of the simulation as "
                        "soon as they are written, also those that a farm writes to the folder under From")
-    live_newest: BoolProperty(name="Follow Newest Frame", options=set(), description="The playhead goes to each frame that is new")
+    live_newest: BoolProperty(name="Follow Newest Frame", update=live_changed, options=set(), description="The playhead goes to each frame that is new")
     # Set by Preview and cleared by Dismiss.
     preview: BoolProperty(options={"HIDDEN"})
     # Set by the operator Colours; and what windows and meshes were like before, as JSON.
