@@ -12,7 +12,7 @@ import bpy
 from . import load_cache
 from .answers import Problem
 from .collect import CACHE, CONSTRAINTS, FINAL, KINDS, LIVE, PREVIEW, run_folder, scene_folder
-from .load_cache import CannotLoad, cache_folder, compare_points, hold_in_the_world, insert_modifier
+from .load_cache import CannotLoad, cache_folder, compare_points, evaluate_anew, hold_in_the_world, insert_modifier
 from .ogawa import NotReadable
 from .recording import Recording
 from .scene_text import plain_name
@@ -48,7 +48,7 @@ class Shown:
         self.recordings = {}
 
     def note(self, frame):
-        """What is shown at a frame, in a sentence, and whether it is something else than that frame."""
+        """Returns a sentence about the frame that is shown at `frame`, and whether that is another one."""
         if self.last is None:
             return "No frame is simulated yet: the rest pose is shown", True
         if frame > self.last:
@@ -69,14 +69,14 @@ class Live:
 
     @property
     def wanted(self):
-        """Whether any scene has a Live View."""
+        """True if any scene has a Live View."""
         return bool(self.shown) or any(kind_shown(scene) is not None for scene in bpy.data.scenes)
 
     def forget(self):
         self.shown = {}
 
     def state(self, scene):
-        """What the panel shows of a scene; None without a Live View."""
+        """The state that the panel shows of a scene; None without a Live View."""
         return self.shown.get(scene.name) if kind_shown(scene) is not None else None
 
     def tick(self):
@@ -158,7 +158,6 @@ class Live:
                                               "undo the change, or simulate again", plain_name(thing.name)))
             return
         compare_points(bpy.context, thing, entry)
-        # Before the modifier: in Blender 3.4 constraints count once a modifier has been added after them.
         hold_in_the_world(thing, scene, shown.manifest["origin"])
         if modifier is None:
             modifier = insert_modifier(bpy.context, thing, LIVE, "MESH_CACHE")
@@ -167,6 +166,7 @@ class Live:
         # Y up to Z up: the modifier turns by the inverse of the axes that it is given.
         modifier.forward_axis, modifier.up_axis = "POS_Z", "NEG_Y"
         modifier.filepath = path
+        evaluate_anew(thing)
         self.changed = True
 
     def seen(self, scene, shown, loads, changed, last):
@@ -211,6 +211,7 @@ class Live:
             if thing.modifiers.get(CACHE) is None:
                 for constraint in [found for found in thing.constraints if found.name in CONSTRAINTS]:
                     thing.constraints.remove(constraint)
+            evaluate_anew(thing)
 
 
 def read_manifest(shown):

@@ -155,7 +155,6 @@ def put_on(context, thing, entry, path, manifest):
     file.up_axis, file.forward_axis = "POS_Y", "POS_Z"
     file.velocity_name, file.velocity_unit = ".velocities", "SECOND"
     remarks = []
-    # Before the modifier: in Blender 3.4 constraints count once a modifier has been added after them.
     hold_in_the_world(thing, context.scene, manifest["origin"])
     modifier = thing.modifiers.get(CACHE)
     if modifier is None:
@@ -165,7 +164,13 @@ def put_on(context, thing, entry, path, manifest):
                 remarks.append(f'"{child.name}" is parented to "{thing.name}" and goes to the origin with it: parent it to vertices')
     modifier.cache_file, modifier.object_path = file, entry["object_path"]
     modifier.read_data, modifier.use_vertex_interpolation, modifier.velocity_scale = {"VERT"}, True, 1.0
+    evaluate_anew(thing)
     return remarks
+
+
+def evaluate_anew(thing):
+    """Lets constraints and modifiers that were added or removed count: Blender 3.4 does not see to limits by itself."""
+    thing.update_tag(refresh={"OBJECT", "DATA"})
 
 
 def hold_in_the_world(thing, scene, origin):

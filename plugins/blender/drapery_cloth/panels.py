@@ -240,7 +240,7 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
 
 
 class Report:
-    """What panels about a run have in common."""
+    """Progress and problems, for panels about a run."""
 
     def progress(self, layout, view):
         if view.doing:

@@ -1,4 +1,4 @@
-"""What is done in the background for a scene: generators that yield each process they wait for. `work.Work` goes on with them."""
+"""Work in the background for a scene: generators that yield each process they wait for. `work.Work` resumes them."""
 
 import json
 import os
