@@ -190,7 +190,8 @@ def steps():
     photograph("done")
     answer["done"] = view().status.state
     scene.drapery.live = scene.drapery.live_newest = True
-    state().work().wake()
+    # With the line in the 3D view.
+    space.overlay.show_overlays = True
     yield
     photograph("live")
     answer["live"] = [list(state().work().live.state(scene).note(scene.frame_current)), [each.name for each in skirt.modifiers]]

@@ -285,7 +285,7 @@ class SCENE_OT_drapery_dismiss(Task, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         folder = scene_folder(context.scene, PREVIEW)
-        return not state.work().busy and (context.scene.drapery.preview or bool(folder) and folder.exists())
+        return not state.work().busy and bool(folder) and (context.scene.drapery.preview or folder.exists())
 
     def execute(self, context):
         return self.begin(context, tasks.dismiss_task)
