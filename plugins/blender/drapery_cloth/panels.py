@@ -228,12 +228,12 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
             layout.prop(own, "self_friction")
         layout.prop(own, "wind")
         if own.wind:
-            for key, label in (("wind_velocity", "m/s"), ("wind_normal", None), ("wind_tangential", None)):
+            for key, label in (("wind_velocity", "m/s"), ("wind_normal", "Drag"), ("wind_tangential", "Along")):
                 layout.prop(own, key, text=label)
         layout.prop(own, "air_drag")
         if own.air_drag:
             layout.prop(own, "air_drag_rate")
-        row = layout.row(heading="Caches Also As", align=True)
+        row = layout.row(heading="Also As", align=True)
         row.prop(own, "also_h5", toggle=True)
         row.prop(own, "also_usd", toggle=True)
         layout.prop(own, "threads")
