@@ -12,7 +12,7 @@ from mathutils.bvhtree import BVHTree
 from .answers import Problem
 from .collect import CACHE, FINAL, LIVE, PREVIEW, largest_strain, marked, run_folder, scene_folder
 from .load_cache import cache_folder
-from .ogawa import Archive, NotReadable
+from .ogawa import DAMAGED, Archive, NotReadable
 from .recording import HEADER
 from .scene_text import MESHES, plain_name
 
@@ -68,7 +68,7 @@ class Colours:
                 continue
             except NoColours as error:
                 why, help = error, error.help
-            except (OSError, NotReadable, ValueError, KeyError) as error:
+            except (OSError, NotReadable, *DAMAGED) as error:
                 why, help = error, "look whether the run and the scene folder are complete"
             problems.append(Problem(f'"{thing.name}" has no colours: {why}', help, plain_name(thing.name)))
             # Colours of another frame or run would be taken for those of this one.

@@ -13,7 +13,7 @@ from . import load_cache
 from .answers import Problem
 from .collect import CACHE, CONSTRAINTS, FINAL, KINDS, LIVE, PREVIEW, run_folder, scene_folder
 from .load_cache import CannotLoad, cache_folder, compare_points, evaluate_anew, hold_in_the_world, insert_modifier
-from .ogawa import NotReadable
+from .ogawa import DAMAGED, NotReadable
 from .recording import Recording
 from .scene_text import plain_name
 
@@ -108,6 +108,8 @@ class Live:
                 self.show(scene, shown, live_folder(scene, kind))
         except (CannotLoad, NotReadable) as error:
             shown.problems = [Problem(str(error))]
+        except DAMAGED as error:
+            shown.problems = [Problem(f"A cache in {shown.folder} is damaged: {error!r}", "simulate again, or copy the run anew")]
         except OSError as error:
             shown.problems = [Problem(f"{error.filename or shown.folder}: {error.strerror}", "make room on the disk, or look whether "
                                       "the folder of the run is still there")]

@@ -21,6 +21,10 @@ class NotReadable(Exception):
     """The file is no such archive, or holds no such mesh; the text says which."""
 
 
+# Errors of a reader that follows offsets of a damaged file.
+DAMAGED = (struct.error, LookupError, ValueError)
+
+
 @dataclass
 class Property:
     """Header of a property, and the group with its samples or, of a compound, its properties."""
@@ -146,7 +150,7 @@ class Archive:
         """The mesh at a path such as "/skirt/skirtShape"; without one, the first of the archive. Raises `NotReadable`."""
         try:
             found = next((mesh for mesh in self.meshes(self.root[2], "", []) if path in (None, mesh.path)), None)
-        except (struct.error, IndexError, ValueError) as error:
+        except DAMAGED as error:
             raise NotReadable(f"{self.path} is damaged: {error}") from error
         if found is None:
             raise NotReadable(f"{self.path} holds no mesh" + (f" {path}" if path else ""))
