@@ -303,9 +303,6 @@ class VIEW3D_PT_drapery_simulation(Report, Panel, bpy.types.Panel):
         for line in view.lines:
             wrapped(layout, line, "INFO")
         self.problems(layout, view.problems)
-        if view.status and view.warnings:
-            layout.label(text="Warnings of the Simulation", icon="INFO")
-            self.problems(layout, view.warnings)
         row = layout.row(align=True)
         row.operator("scene.drapery_load", icon="IMPORT")
         row.operator("scene.drapery_unload", icon="LOOP_BACK")
@@ -313,6 +310,20 @@ class VIEW3D_PT_drapery_simulation(Report, Panel, bpy.types.Panel):
         layout.operator("scene.drapery_write", icon="FILE_FOLDER")
         if not bpy.app.build_options.alembic:
             wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
+
+
+class VIEW3D_PT_drapery_warnings(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_warnings", "Warnings of the Simulation", "VIEW3D_PT_drapery_simulation"
+    # Below its sisters: there may be many.
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, context):
+        view = state.work().view(context.scene)
+        return bool(view.status and view.warnings)
+
+    def draw(self, context):
+        self.problems(self.layout, state.work().view(context.scene).warnings)
 
 
 class VIEW3D_PT_drapery_preview(Report, Panel, bpy.types.Panel):
@@ -365,4 +376,4 @@ class VIEW3D_PT_drapery_colours(Report, Panel, bpy.types.Panel):
 
 CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_properties, VIEW3D_PT_drapery_contact, VIEW3D_PT_drapery_pins,
            VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation,
-           VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live, VIEW3D_PT_drapery_colours)
+           VIEW3D_PT_drapery_warnings, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live, VIEW3D_PT_drapery_colours)
