@@ -501,7 +501,7 @@ def names():
     bpy.data.objects["cloth"].drapery.fabric = "canvas"
     undo_step("fabric")
     # Without a window the operator would wait for all but the simulation.
-    live, tasks, scene = part("state").work(), part("work"), bpy.context.scene
+    live, tasks, scene = part("state").work(), part("tasks"), bpy.context.scene
     live.start(scene, tasks.simulate_task(scene, view()))
     bpy.ops.ed.undo()
     answer["undone"] = bpy.data.objects["cloth"].drapery.fabric
@@ -527,14 +527,15 @@ def followed(live):
     return [bpy.ops.scene.drapery_cancel.poll(), view().status and view().status.state, view().lines]
 
 
-def main():
+def main(acts):
     try:
         install()
-        answer = globals()[ACT]()
+        answer = acts[ACT]()
     except Exception:
         answer = {"failed": traceback.format_exc()}
     answer["version"] = list(bpy.app.version)
     (FOLDER / f"{ACT}.json").write_text(json.dumps(answer))
 
 
-main()
+if __name__ == "__main__":
+    main(globals())

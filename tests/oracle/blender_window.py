@@ -132,6 +132,9 @@ def steps():
     press("object", "drapery_remove", rows="pins", index=1)
     press("object", "drapery_map_add")
     press("object", "drapery_remove", rows="maps", index=0)
+    press("object", "drapery_contact_add")
+    skirt.drapery.contacts[0].other, skirt.drapery.contacts[0].own_friction = body, True
+    skirt.drapery.contacts[0].friction = 0.35
     cuff = tube("cuff", 0.252, 1.02, 1.1, 32, 4)
     choose(cuff)
     press("object", "drapery_mark", role="GARMENT")
@@ -186,6 +189,26 @@ def steps():
     yield "ended"
     photograph("done")
     answer["done"] = view().status.state
+    scene.drapery.live = scene.drapery.live_newest = True
+    # With the line in the 3D view.
+    space.overlay.show_overlays = True
+    yield
+    photograph("live")
+    answer["live"] = [list(state().work().live.state(scene).note(scene.frame_current)), [each.name for each in skirt.modifiers]]
+    press("scene", "drapery_colours", show="STRAIN")
+    answer["colours"] = [found.message for found in state().work().colours.problems[scene.name]]
+    photograph("coloured")
+    press("scene", "drapery_colours", show="NONE")
+    scene.drapery.live = False
+    press("scene", "drapery_preview")
+    yield "preview"
+    photograph("previewing")
+    yield "ended"
+    photograph("previewed")
+    answer["previewed"] = [list(state().work().live.state(scene).note(scene.frame_current)), [each.name for each in skirt.modifiers]]
+    press("scene", "drapery_dismiss")
+    yield "ended"
+    answer["dismissed"] = [each.name for each in skirt.modifiers]
     # A run with warnings of its own; the words are those of its log.
     log = FOLDER / "drapery" / "window" / "Scene" / "out" / "Scene" / "logs" / "099.jsonl"
     log.write_text(json.dumps({"level": "WARN", "fields": {"message": 'frame 1007, time 0.25 s: garment "skirt", vertex 5: the solve '
@@ -208,6 +231,9 @@ def ready(wish):
         return not work.busy
     if wish == "running":
         return not work.busy and view().status is not None and view().status.done >= 1
+    if wish == "preview":
+        shown = work.live.state(bpy.context.scene)
+        return not work.busy and shown is not None and shown.last is not None
     if wish == "ended":
         return not work.busy and not work.watched and not work.unseen
     return True

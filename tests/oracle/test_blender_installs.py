@@ -37,7 +37,7 @@ def seen(request, tmp_path_factory):
     _, good = package("--without-solver", folder)
     newer = version(good, "newer.zip", [("manifest.toml", 'version = "0.1.0"', 'version = "0.1.1"'), ("fabrics.py", "Light Silk", "Silk")])
     # Its last panel is none: all that comes before is registered by then.
-    broken = version(good, "broken.zip", [("panels.py", "           VIEW3D_PT_drapery_simulation)", "           Panel)")])
+    broken = version(good, "broken.zip", [("panels.py", "VIEW3D_PT_drapery_colours)", "Panel)")])
     scene = HERE.parent.parent / "sample_assets" / "scenes" / "hanging_sheet.toml"
     run = folder / "drapery" / "open" / "Scene" / "out" / "Scene"
     subprocess.run([drapery, "run", scene, "--frames", "1001-1002", "--set", "resolution=4", "--out", run], check=True, capture_output=True)

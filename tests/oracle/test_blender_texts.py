@@ -56,10 +56,12 @@ def scene_in(folder, parts, **changes):
     pins = [text.Pin("pins.txt"), text.Pin("springs.txt", "floor", 123.0)]
     maps = [text.Map("density", "heavy.txt"), text.Map("pins", "springs.txt")]
     cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
-    coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"), ("body", "floor"))
+    coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"),
+                        [(1001, 30.0), (1003, 40.0)], 14.0, 0.5, ("OPEN", 2.0))
     seam = text.Seam(("cape", "coat"), False, 321.5, -0.5, 1.25), [[3, 2], [0, 1]]
     nearest = text.Seam(("coat", "coat"), True, 400.0), [[0], [2]]
-    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest])
+    contact = text.Contact((("garment", "coat"), ("body", "floor")), True)
+    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest], [contact])
     (folder / text.SCENE_FILE).write_text(written)
     return written
 
@@ -92,7 +94,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
 
 
 def test_cleared_boxes_ask_for_no_effect_and_give_no_warning(parts, drapery, tmp_path):
-    scene_in(tmp_path, parts, gravity=False, self_contact=False, wind=None)
+    scene_in(tmp_path, parts, gravity=None, self_contact=False, wind=None)
     plan = json.loads(run(drapery, "plan", "scene.toml", "--json", folder=tmp_path).stdout)
     assert not {"gravity", "self_repulsion", "self_collision", "wind"} & {effect["effect"] for effect in plan["effects"]}
     assert not {"no_gravity", "no_self_collision"} & {warning["rule"] for warning in plan["warnings"]}

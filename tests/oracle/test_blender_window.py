@@ -46,7 +46,8 @@ def test_what_can_be_pressed_does_its_work(seen):
     first = answer["presses"].pop(0)
     assert first[:3] == ["scene.drapery_check", True, ["CANCELLED"]]
     assert any("No object is marked as a garment" in message for message in first[3])
-    for button in ("mark", "pin_add", "seam_add", "map_add", "remove", "check", "plan", "write", "simulate", "show", "cancel", "continue"):
+    for button in ("mark", "pin_add", "seam_add", "map_add", "contact_add", "remove", "check", "plan", "write", "simulate", "show", "cancel", "continue", "preview",
+                   "dismiss"):
         assert all(allowed and result == ["FINISHED"] for allowed, result, _, _ in presses(answer, button)), button
     assert answer["waited"][0] is False and answer["waited"][1] != []
     assert answer["shown"] == ["skirt", 1004, [5]]
@@ -56,6 +57,22 @@ def test_what_can_be_pressed_does_its_work(seen):
 def test_warnings_of_the_run_are_in_the_panel(seen):
     _, answer = seen
     assert answer["warnings"] == ['frame 1007, time 0.25 s: garment "skirt", vertex 5: the solve diverged']
+
+
+def test_a_window_follows_runs_and_previews_by_itself(seen):
+    _, answer = seen
+    note, modifiers = answer["live"]
+    # The playhead went to the newest frame.
+    assert note == ["Frame 1024 of 1001 to 1024", False] and "Drapery Live" in modifiers
+    note, modifiers = answer["previewed"]
+    assert note[1] is False and "Drapery Live" in modifiers and answer["dismissed"] == []
+
+
+def test_colours_need_numpy_and_say_so(seen):
+    # Debian's package does not bring it; colours are tested in test_blender_live.py.
+    _, answer = seen
+    (message,) = answer["colours"]
+    assert message.startswith('"skirt": strain up to') or message == '"skirt" has no colours: this Blender has no numpy'
 
 
 def test_every_fabric_has_a_picture(seen):
@@ -81,7 +98,7 @@ def test_every_panel_is_drawn_to_its_end(seen):
 
 
 @pytest.mark.parametrize("before, after", [("empty", "marked"), ("marked", "planned"), ("planned", "problem"), ("problem", "running"),
-                                           ("running", "done"), ("done", "warned")])  # fmt: skip
+                                           ("running", "done"), ("done", "live"), ("live", "previewed"), ("previewed", "warned")])  # fmt: skip
 def test_the_panel_shows_what_happens(seen, before, after):
     folder, _ = seen
     pictures = [np.asarray(Image.open(folder / f"{name}.png").convert("L"), float) for name in (before, after)]

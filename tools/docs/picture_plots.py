@@ -186,13 +186,11 @@ def page_of_a_wedge(options):
     scene = ROOT / "sample_assets" / "howto" / "fabric.toml"
     run([options.drapery, "wedge", scene, "--vary", "fabric=silk_light,denim_11oz,leather_garment", "--vary", "body.ball.friction=0.1,0.6",
          "--out", out])  # fmt: skip
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        picture = Path(profile) / "page.png"
-        program = next(filter(None, map(shutil.which, browser.NAMES)))
-        run([program, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}",
-             "--window-size=1240,1500", f"--screenshot={picture}", (out / "comparison.html").as_uri()])  # fmt: skip
-        with Image.open(picture) as page:
-            return page.convert("RGB").crop((0, 0, page.width, page.height))
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "page.png"
+        browser.photograph(out / "comparison.html", picture, (1240, 1500))
+        with Image.open(picture) as whole:
+            return whole.convert("RGB")
 
 
 def plot_of_the_python_page(_):
@@ -212,18 +210,27 @@ def plot_of_the_python_page(_):
 
 
 def panel_in_blender(options):
-    """The panel of the add-on in Blender's window, once a run is done: the object beside shot and simulation.
+    """The panel of the add-on in Blender's window, with a run that is shown: the object beside shot and simulation.
 
-    Below both Debian's Blender warns that it was built without Alembic; Blender's own has it and shows nothing there.
+    Between the two parts at the right Debian's Blender warns that it was built without Alembic; Blender's own has it and shows nothing there.
     """
     with tempfile.TemporaryDirectory() as work:
         blender_session.session(Path(work), options.drapery)
-        with Image.open(Path(work) / "done.png") as picture:
-            halves = [picture.convert("RGB").crop((520, top, 716, bottom)) for top, bottom in ((344, 1042), (1042, 1597))]
-    both = Image.new("RGB", (2 * halves[0].width + 12, halves[0].height), (48, 48, 48))
-    both.paste(halves[0], (0, 0))
-    both.paste(halves[1], (halves[0].width + 12, 0))
-    return both.resize((round(1.5 * both.width), round(1.5 * both.height)), Image.Resampling.LANCZOS)
+        with Image.open(Path(work) / "live.png") as picture:
+            return columns_of_panel(picture.convert("RGB"))
+
+
+def columns_of_panel(picture):
+    """Two columns cut out of a picture of the window: parts between two heights, one below the other."""
+    columns = [[picture.crop((520, top, 716, bottom)) for top, bottom in parts] for parts in (((344, 1297),), ((1424, 2176), (2252, 2478)))]
+    height = max(sum(part.height for part in parts) for parts in columns)
+    both = Image.new("RGB", (2 * 196 + 12, height), (48, 48, 48))
+    for index, parts in enumerate(columns):
+        top = 0
+        for part in parts:
+            both.paste(part, (index * (196 + 12), top))
+            top += part.height
+    return both.resize((round(1.25 * both.width), round(1.25 * both.height)), Image.Resampling.LANCZOS)
 
 
 def page_of_a_run(options):

@@ -81,7 +81,7 @@ def register_parts(undo):
     if hasattr(bpy.types.Object, "drapery"):
         raise RuntimeError("Drapery is enabled already, from another place: disable that one under Preferences > Add-ons first")
     # Imported late: an old Blender has an older Python, which need not understand the rest.
-    from . import operators, panels, pictures, settings, state, work
+    from . import operators, overlay, panels, pictures, settings, state, work
 
     drawn = pictures.Pictures()
     undo.callback(drawn.remove)
@@ -95,6 +95,7 @@ def register_parts(undo):
         undo.callback(delattr, kind, "drapery")
     register_classes(operators.CLASSES, undo)
     register_classes(panels.CLASSES, undo)
+    overlay.register(undo)
     add_handler(bpy.app.handlers.load_post, after_load, undo)
     add_handler(bpy.app.handlers.save_pre, before_save, undo)
     going_on.look_later()

@@ -23,6 +23,14 @@ class Problem:
     warning: bool = False
 
 
+class Failed(Exception):
+    """Work for a scene ends here; `problems` say why."""
+
+    def __init__(self, *problems):
+        super().__init__(problems[0].message if problems else "")
+        self.problems = list(problems)
+
+
 def place_of(text):
     """Object, frame, kind of element and its index, from words such as `garment "skirt", frame 1003, vertex 12`."""
     name = re.search(r'\b(?:garment|body) "([^"]*)"', text)

@@ -6,13 +6,35 @@ import bpy
 
 from .answers import Problem
 from .fabrics import FABRICS
+from .keyframes import NotSampled, over_time
 from .pictures import OTHER
-from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Seam, Shot, frame_rate, names_taken_twice, plain_name, scene_text
+from .scene_text import (
+    MAPS,
+    MESHES,
+    Body,
+    Contact,
+    Garment,
+    Map,
+    Pin,
+    RenderMesh,
+    Seam,
+    Shot,
+    frame_rate,
+    names_taken_twice,
+    plain_name,
+    scene_text,
+)
 from .settings import DEFORMING
 
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
 CACHE = "Drapery Cache"
 CONSTRAINTS = ("Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location")
+# The modifier of the Live View, and what an object may have of Drapery's in the place where the simulation belongs.
+LIVE = "Drapery Live"
+SIMULATED = (CACHE, LIVE)
+# A scene has up to two runs: the simulation, and a preview in a folder of its own inside the scene folder.
+FINAL, PREVIEW = "", "preview"
+KINDS = (FINAL, PREVIEW)
 # Sizes in metres of which the solver asks nothing, and of clothes. Where clothes have them, the unit of length is right, and a cup or a
 # ship is as large as it is meant.
 OF_BODIES, OF_GARMENTS = (0.21, 19.0), (0.03, 19.0)
@@ -28,7 +50,7 @@ def marked(scene, role):
 def division(thing):
     """Number of modifiers of a garment, from the top, that shape the simulated mesh. The cache comes after them."""
     for index, modifier in enumerate(thing.modifiers):
-        if modifier.name == CACHE:
+        if modifier.name in SIMULATED:
             return index
         deforms = modifier.type in DEFORMING or not (modifier.show_viewport or modifier.show_render)
         if thing.drapery.simulated == "BASE" and not deforms:
@@ -36,13 +58,13 @@ def division(thing):
     return len(thing.modifiers)
 
 
-def scene_folder(scene):
-    """The folder of the scene; None where it is relative to a file that was never saved."""
+def scene_folder(scene, kind=FINAL):
+    """The folder of the scene, or of its preview; None where it is relative to a file that was never saved."""
     # Files that lie side by side, and scenes of one file, do not get into each other's way.
     path = scene.drapery.folder or f"//drapery/{plain_name(Path(bpy.data.filepath).stem)}/{shot_name(scene)}"
     if path.startswith("//") and not bpy.data.filepath:
         return None
-    return Path(bpy.path.abspath(path)).resolve()
+    return Path(bpy.path.abspath(path)).resolve() / kind
 
 
 def frames(scene):
@@ -54,9 +76,9 @@ def shot_name(scene):
     return plain_name(scene.name)
 
 
-def run_folder(scene):
+def run_folder(scene, kind=FINAL):
     """Folder of the run when the command is called in the scene folder, here and on a farm; None as `scene_folder`."""
-    folder = scene_folder(scene)
+    folder = scene_folder(scene, kind)
     return folder and folder / "out" / shot_name(scene)
 
 
@@ -72,7 +94,9 @@ def largest_strain(own):
 
 
 def upright(vector):
-    """Blender's Z up as the solver's Y up."""
+    """Blender's Z up as the solver's Y up; also of the keys of a curve."""
+    if isinstance(vector, list):
+        return [(frame, upright(each)) for frame, each in vector]
     x, y, z = vector
     return x, z, -y
 
@@ -83,15 +107,19 @@ class Collected:
     The job is None, and there is no text, where there are problems. `warnings` prevent nothing.
     """
 
-    def __init__(self, scene):
-        self.scene = scene
-        self.folder = scene_folder(scene)
+    def __init__(self, scene, kind=FINAL):
+        self.scene, self.kind = scene, kind
+        self.folder = scene_folder(scene, kind)
         self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
         self.problems, self.warnings = [], []
+        # Sentences about the settings that change over the shot.
+        self.curves = []
         self.look()
         self.job = self.parts = None
         if not self.problems:
             self.describe()
+        if self.problems:
+            self.job = self.parts = None
 
     def say(self, message, help, thing=None, frame=None):
         self.problems.append(Problem(message, help, thing and plain_name(thing.name), frame))
@@ -114,7 +142,7 @@ class Collected:
         if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
             self.say("Bodies would jump from the rest frame to the first", "set Blend to some frames, 10 for example")
         for other in bpy.data.scenes:
-            if other != self.scene and self.folder and scene_folder(other) == self.folder and marked(other, "GARMENT"):
+            if other != self.scene and self.folder and scene_folder(other, self.kind) == self.folder and marked(other, "GARMENT"):
                 self.say(f'The scene "{other.name}" has the same folder, {self.folder}', "choose another for one of them")
         for things, what in ((self.garments, "garments"), (self.bodies, "bodies")):
             for group in names_taken_twice([thing.name for thing in things]):
@@ -137,10 +165,13 @@ class Collected:
         if own.stiffens and largest_strain(own) is None:
             self.say(f'"{thing.name}" stiffens up to a strain that is not known of its material', "set its Strain", thing)
         self.look_at_render_mesh(thing)
-        self.look_at_ignored(thing)
+        self.look_at_contacts(thing)
         for pin in own.pins:
             if not pin.group:
                 self.say(f'"{thing.name}": a pin has no vertex group', "choose one, or remove the pin", thing)
+            if pin.released and pin.release < frames(self.scene)[0]:
+                self.say(f'"{thing.name}": a pin is released at frame {pin.release}, before the first frame', "choose a later frame, or "
+                         "remove the pin", thing)
             if pin.hold == "BODY" and not self.body_of(pin):
                 self.say(f'"{thing.name}": a pin holds on to a body, and none is marked', "mark a body, or hold the vertices fixed",
                          thing)
@@ -172,11 +203,39 @@ class Collected:
         elif others:
             self.say(f'"{thing.name}" and "{others[0].name}" have the same render mesh, "{mesh.name}"', "make a copy for one of them", thing)
 
-    def look_at_ignored(self, thing):
-        other = thing.drapery.ignores
-        if other is not None and other not in [*self.garments, *self.bodies]:
-            self.say(f'"{thing.name}" ignores "{other.name}", which is neither a garment nor a body of this scene',
-                     "mark it as one, choose another, or clear Ignores", thing)
+    def look_at_contacts(self, thing):
+        for rule in thing.drapery.contacts:
+            other = rule.other
+            what = f'"{thing.name}": a rule of contact'
+            again = sum(other == each.other for each in thing.drapery.contacts) > 1
+            if other is None:
+                self.say(f"{what} is with no object", "choose a garment or a body, or remove the rule", thing)
+            elif other not in [*self.garments, *self.bodies]:
+                self.say(f'{what} is with "{other.name}", which is neither a garment nor a body of this scene',
+                         "mark it as one, choose another, or remove the rule", thing)
+            elif again or (other in self.garments and other != thing and thing.name > other.name
+                           and any(each.other == thing for each in other.drapery.contacts)):
+                self.say(f'{what} with "{other.name}" is there twice', "remove one of them", thing)
+            elif not (rule.ignore or rule.own_friction or rule.own_thickness):
+                self.say(f'{what} with "{other.name}" says nothing', "choose Ignore, Friction or Thickness, or remove the rule", thing)
+
+    def value(self, group, name):
+        """A setting, or its keys where it changes over the shot; what is not sampled becomes a problem."""
+        first, last = frames(self.scene)
+        label = group.bl_rna.properties[f"own_{name}" if hasattr(group, f"own_{name}") else name].name
+        thing = group.id_data if isinstance(group.id_data, bpy.types.Object) else None
+        where = f'"{thing.name}": {label}' if thing else label
+        if getattr(group, "other", None):
+            where += f' of the contact with "{group.other.name}"'
+        try:
+            found = over_time(group, name, first, last)
+        except NotSampled as error:
+            self.say(f"{where} is animated by {error}, which is not sampled", "bake it to keyframes (Object > Animation > Bake Action, or "
+                     "key the value itself), or remove it", thing)
+            return getattr(group, name)
+        if isinstance(found, list):
+            self.curves.append(f"{where}: {len(found)} keys from frame {found[0][0]} to {found[-1][0]}")
+        return found
 
     def look_at_seams(self):
         sewn = set()
@@ -227,25 +286,34 @@ class Collected:
         own, [first, last] = self.scene.drapery, frames(self.scene)
         rest_frame = own.rest_frame if own.own_rest else first
         rate = frame_rate(self.scene.render.fps, self.scene.render.fps_base)
-        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, own.preset, own.gravity, own.self_contact,
-                    upright(own.wind_velocity) if own.wind else None)
+        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, self.kind or own.preset, None, own.self_contact)
+        if own.gravity:
+            shot.gravity = upright(self.value(own, "gravity_acceleration"))
+        if own.wind:
+            shot.wind, shot.drag = upright(self.value(own, "wind_velocity")), (own.wind_normal, own.wind_tangential)
+        if own.air_drag:
+            shot.air_drag = self.value(own, "air_drag_rate")
+        if own.self_contact:
+            shot.self_friction = self.value(own, "self_friction")
+        shot.formats = ("abc", *(["h5"] if own.also_h5 else []), *(["usd"] if own.also_usd else []))
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
             "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [], "render_meshes": [],
             "seams": [],
         }  # fmt: skip
         bodies = [self.body(thing, rest_frame != first) for thing in self.bodies]
-        garments = [self.garment(thing) for thing in self.garments]
+        garments = [self.garment(thing, first, rate) for thing in self.garments]
+        contacts = [self.contact(thing, rule) for thing in self.garments for rule in thing.drapery.contacts]
         seams = [self.seam(thing, seam, first, rate) for thing in self.garments for seam in thing.drapery.seams]
-        self.parts = shot, bodies, garments, seams
+        self.parts = shot, bodies, garments, seams, contacts
 
     def text(self, sewn, sizes):
         """The scene file. Of the export it needs the vertices of both sides of each seam, and the size of each mesh in metres."""
-        shot, bodies, garments, seams = self.parts
+        shot, bodies, garments, seams, contacts = self.parts
         usual = all(within(sizes[garment.file], OF_GARMENTS) for garment in garments)
         for body in bodies:
             body.sized = usual and not within(sizes[body.file], OF_BODIES)
-        return scene_text(shot, bodies, garments, zip(seams, sewn))
+        return scene_text(shot, bodies, garments, zip(seams, sewn), contacts)
 
     def body(self, thing, rest):
         own, name = thing.drapery, plain_name(thing.name)
@@ -253,9 +321,14 @@ class Collected:
         rest_file = f"{MESHES}/rest_{name}.abc" if rest else None
         self.job["bodies"].append({"object": thing.name_full, "file": file, "rest_file": rest_file})
         pose = f"{rest_file}@{self.job['rest_frame']}" if rest else None
-        return Body(name, file, pose, own.thickness if own.own_thickness else None, own.friction if own.own_friction else None)
+        return Body(name, file, pose, *(self.value(own, key) if getattr(own, f"own_{key}") else None for key in ("thickness", "friction")))
 
-    def garment(self, thing):
+    def contact(self, thing, rule):
+        other = rule.other.drapery.role.lower(), plain_name(rule.other.name)
+        numbers = [self.value(rule, key) if getattr(rule, f"own_{key}") and not rule.ignore else None for key in ("friction", "thickness")]
+        return Contact((("garment", plain_name(thing.name)), other), rule.ignore, *numbers)
+
+    def garment(self, thing, first, rate):
         own, name = thing.drapery, plain_name(thing.name)
         weights = []
 
@@ -268,14 +341,20 @@ class Collected:
         garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, own.thickness if own.own_thickness else None, own.order)
         garment.extension = largest_strain(own) if own.stiffens else None
         garment.limited, garment.limit = own.strain_limit, own.strain / 100 if own.own_strain else None
-        if own.ignores is not None:
-            garment.ignores = own.ignores.drapery.role.lower(), plain_name(own.ignores.name)
+        garment.stretch, garment.bending = (self.value(own, key) if getattr(own, f"own_{key}") else None for key in ("stretch", "bending"))
+        garment.damping = own.damping if own.own_damping else None
+        if own.pressure != "NONE":
+            garment.pressure = own.pressure, self.value(own, "overpressure")
+        if own.own_thickness and isinstance(self.value(own, "thickness"), list):
+            self.say(f'"{thing.name}": the thickness of a garment cannot change over time', "key the thickness of a body or of a rule of "
+                     "contact, and delete these keyframes", thing)
         if own.render_mesh:
             garment.render_mesh = self.render_mesh(own.render_mesh, name, own.rigid)
         for pin in own.pins:
             body = self.body_of(pin)
             garment.pins.append(Pin(written("GROUP", pin.group, True), body and plain_name(body.name),
-                                    pin.stiffness if pin.hold == "SPRING" else None))
+                                    pin.stiffness if pin.hold == "SPRING" else None,
+                                    float((pin.release - first) / rate) if pin.released else None))
         for painted in own.maps:
             garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
         self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})

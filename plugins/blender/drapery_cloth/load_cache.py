@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from .collect import CACHE, CONSTRAINTS, division, marked, run_folder
+from .collect import CACHE, CONSTRAINTS, LIVE, division, marked, run_folder
 from .scene_text import plain_name
 
 
@@ -49,6 +49,22 @@ def load(context):
     scene = context.scene
     folder = cache_folder(scene)
     manifest = manifest_of(folder)
+    loads, remarks = matched(scene, folder, manifest)
+    # All or none: before anything is changed.
+    for thing, entry, _ in loads:
+        compare_points(context, thing, entry)
+    # The caches take the place of the Live View, which would hide them.
+    scene.drapery.live = False
+    if scene.drapery.preview:
+        remarks.append("The preview hides the caches: dismiss it")
+    for thing, entry, file in loads:
+        remarks += put_on(context, thing, entry, folder / file, manifest)
+    return remarks
+
+
+def matched(scene, folder, manifest):
+    """Triples (object, entry of the manifest, file) of the garments and render meshes that a run has caches of, and sentences about
+    those that it has none of. Raises `CannotLoad` where it has none of any."""
     entries = {entry["name"]: entry for entry in manifest["garments"] if "render_mesh_of" not in entry}
     rendered = {entry["render_mesh_of"]: entry for entry in manifest["garments"] if "render_mesh_of" in entry}
     remarks, loads = [], []
@@ -64,12 +80,7 @@ def load(context):
             remarks.append(f'"{mesh.name}", the render mesh of "{thing.name}", is not in this run')
     if not loads:
         raise CannotLoad(f"No garment of this scene is in the run of {folder}; it holds {', '.join(entries) or 'none'}")
-    # All or none: before anything is changed.
-    for thing, entry, _ in loads:
-        compare_points(context, thing, entry)
-    for thing, entry, file in loads:
-        remarks += put_on(context, thing, entry, folder / file, manifest)
-    return remarks
+    return loads, remarks
 
 
 def cache_file_name(entry, folder):
@@ -108,12 +119,31 @@ def open_file(context, path):
     (file,) = set(bpy.data.cache_files) - before
     # The operator counts a user that it does not have; with it the file would stay after Unload.
     file.user_clear()
-    if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
+    file.filepath = path_for_blender(path)
+    return file
+
+
+def path_for_blender(path):
+    """A path as a file of Blender names it: relative to that file, where the preferences want it."""
+    if bpy.data.filepath and bpy.context.preferences.filepaths.use_relative_paths:
         try:
-            file.filepath = bpy.path.relpath(str(path))
+            return bpy.path.relpath(str(path))
         except ValueError:
             pass  # another drive: it stays absolute
-    return file
+    return str(path)
+
+
+def insert_modifier(context, thing, name, kind):
+    """Adds a modifier where the simulation belongs: before what follows the cloth, and before a preview of it."""
+    index = division(thing) + (name == LIVE and thing.modifiers.get(CACHE) is not None)
+    modifier = thing.modifiers.new(name, kind)
+    if hasattr(thing.modifiers, "move"):
+        thing.modifiers.move(len(thing.modifiers) - 1, index)
+    else:
+        # Before Blender 4.0.
+        with context.temp_override(object=thing, active_object=thing):
+            bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+    return thing.modifiers[name]
 
 
 def put_on(context, thing, entry, path, manifest):
@@ -125,24 +155,28 @@ def put_on(context, thing, entry, path, manifest):
     file.up_axis, file.forward_axis = "POS_Y", "POS_Z"
     file.velocity_name, file.velocity_unit = ".velocities", "SECOND"
     remarks = []
+    hold_in_the_world(thing, context.scene, manifest["origin"])
     modifier = thing.modifiers.get(CACHE)
     if modifier is None:
-        index = division(thing)
-        modifier = thing.modifiers.new(CACHE, "MESH_SEQUENCE_CACHE")
-        with context.temp_override(object=thing, active_object=thing):
-            bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
-        modifier = thing.modifiers[CACHE]
+        modifier = insert_modifier(context, thing, CACHE, "MESH_SEQUENCE_CACHE")
         for child in thing.children:
             if child.parent_type == "OBJECT":
                 remarks.append(f'"{child.name}" is parented to "{thing.name}" and goes to the origin with it: parent it to vertices')
     modifier.cache_file, modifier.object_path = file, entry["object_path"]
     modifier.read_data, modifier.use_vertex_interpolation, modifier.velocity_scale = {"VERT"}, True, 1.0
-    x, y, z = manifest["origin"]
-    hold_in_the_world(thing, scale, (x * scale, -z * scale, y * scale))
+    evaluate_anew(thing)
     return remarks
 
 
-def hold_in_the_world(thing, scale, place):
+def evaluate_anew(thing):
+    """Lets constraints and modifiers that were added or removed count: Blender 3.4 does not see to limits by itself."""
+    thing.update_tag(refresh={"OBJECT", "DATA"})
+
+
+def hold_in_the_world(thing, scene, origin):
+    """Constrains an object to stand at the origin of a shot, in metres, Y up."""
+    scale, (x, y, z) = 1.0 / scene.unit_settings.scale_length, origin
+    place = x * scale, -z * scale, y * scale
     kinds = ("LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_LOCATION")
     for kind, name, values in zip(kinds, CONSTRAINTS, ((0, 0, 0), (scale,) * 3, place)):
         limit = thing.constraints.get(name)
@@ -168,7 +202,8 @@ def unload(scene):
     """Takes caches off all garments of a scene; how many there were."""
     count, files = 0, set()
     for thing in scene.objects:
-        for constraint in [found for found in thing.constraints if found.name in CONSTRAINTS]:
+        # The Live View needs them as well.
+        for constraint in [] if thing.modifiers.get(LIVE) else [found for found in thing.constraints if found.name in CONSTRAINTS]:
             thing.constraints.remove(constraint)
         modifier = thing.modifiers.get(CACHE)
         if modifier is not None:

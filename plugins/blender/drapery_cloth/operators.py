@@ -4,10 +4,11 @@ import bmesh
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import answers, load_cache, state, work
-from .collect import division, frames, run_folder
+from . import answers, load_cache, state, tasks
+from .answers import Problem
+from .collect import FINAL, PREVIEW, division, frames, run_folder, scene_folder
 from .scene_text import plain_name
-from .settings import is_garment
+from .settings import COLOURS, is_garment, takes_part
 
 
 class OBJECT_OT_drapery_mark(bpy.types.Operator):
@@ -87,12 +88,24 @@ class OBJECT_OT_drapery_map_add(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class OBJECT_OT_drapery_contact_add(ActiveGarment, bpy.types.Operator):
+    """Make a rule of contact: with a second object that is selected, otherwise for the layers of this garment"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_contact_add", "Add Rule", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        thing = context.object
+        others = [other for other in context.selected_objects if other != thing and takes_part(None, other)]
+        thing.drapery.contacts.add().other = others[0] if len(others) == 1 else thing
+        return {"FINISHED"}
+
+
 class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
     """Remove this row"""
 
     bl_idname, bl_label, bl_options = "object.drapery_remove", "Remove", {"REGISTER", "UNDO"}
 
-    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", "")])
+    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", ""), ("contacts", "Contact", "")])
     index: IntProperty(min=0)
 
     def execute(self, context):
@@ -107,16 +120,17 @@ class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def runs(context):
+def runs(context, kind=FINAL):
     if bpy.app.background:
-        state.work().look_now(context.scene)
-    status = state.work().view(context.scene).status
-    return context.scene.name in state.work().watched or bool(status and status.running)
+        state.work().look_now(context.scene, kind)
+    status = state.work().view(context.scene, kind).status
+    return (context.scene.name, kind) in state.work().watched or bool(status and status.running)
 
 
 class Task:
-    """Start and end of work in the background, unless a script waits for it."""
+    """Start and end of work in the background, unless a script waits for it. `kind` is the run that it is about."""
 
+    kind = FINAL
     wait: BoolProperty(name="Wait", options={"HIDDEN", "SKIP_SAVE"},
                        description="Return when all is done, for scripts: a simulation, too, is at its end then. Without a window "
                        "all but a simulation is waited for in any case")
@@ -124,13 +138,13 @@ class Task:
     def begin(self, context, task, *options):
         """Starts a task; CANCELLED, with a report, if it is known to have failed."""
         live, scene = state.work(), context.scene
-        view = live.view(scene)
-        live.start(scene, task(scene, view, *options))
+        view = live.view(scene, self.kind)
+        live.start(scene, task(scene, view, *options), self.kind)
         # Without a window nobody would go on with it.
         if self.wait or bpy.app.background:
             live.wait(lambda: not live.busy)
         if self.wait and not view.failed:
-            live.wait(lambda: live.is_over(scene))
+            live.wait(lambda: live.is_over(scene, self.kind))
             view.failed = self.ended_badly(view)
         if not view.failed:
             return {"FINISHED"}
@@ -176,7 +190,7 @@ class SCENE_OT_drapery_write(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_write", "Write Scene Folder"
 
     def execute(self, context):
-        return self.begin(context, work.write_task)
+        return self.begin(context, tasks.write_task)
 
 
 class SCENE_OT_drapery_check(Free, bpy.types.Operator):
@@ -185,7 +199,7 @@ class SCENE_OT_drapery_check(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_check", "Check"
 
     def execute(self, context):
-        return self.begin(context, work.check_task)
+        return self.begin(context, tasks.check_task)
 
 
 class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
@@ -194,7 +208,7 @@ class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
     bl_idname, bl_label = "scene.drapery_plan", "Plan"
 
     def execute(self, context):
-        return self.begin(context, work.plan_task)
+        return self.begin(context, tasks.plan_task)
 
 
 HOW = [("GO_ON", "Resume", "After the frames that are there already"),
@@ -211,7 +225,7 @@ class SCENE_OT_drapery_simulate(Simulates, bpy.types.Operator):
     how: EnumProperty(items=HOW, options={"SKIP_SAVE"})
 
     def execute(self, context):
-        return self.begin(context, work.simulate_task, *OPTIONS[self.how])
+        return self.begin(context, tasks.simulate_task, *OPTIONS[self.how])
 
 
 class SCENE_OT_drapery_continue(Simulates, bpy.types.Operator):
@@ -225,7 +239,7 @@ class SCENE_OT_drapery_continue(Simulates, bpy.types.Operator):
         return super().poll(context) and bool(folder) and (folder / "manifest.json").exists()
 
     def execute(self, context):
-        return self.begin(context, work.continue_task)
+        return self.begin(context, tasks.continue_task)
 
 
 class SCENE_OT_drapery_cancel(Task, bpy.types.Operator):
@@ -241,10 +255,71 @@ class SCENE_OT_drapery_cancel(Task, bpy.types.Operator):
         if state.work().busy:
             state.work().stop_task()
             return {"FINISHED"}
-        return self.begin(context, work.cancel_task)
+        return self.begin(context, tasks.cancel_task)
 
     def ended_badly(self, view):
         return view.status is not None and view.status.running
+
+
+class SCENE_OT_drapery_preview(Simulates, bpy.types.Operator):
+    """Simulate the shot with the settings of Quality: Preview in a folder of its own, and show each frame. The simulation stays as it is"""
+
+    bl_idname, bl_label, kind = "scene.drapery_preview", "Preview", PREVIEW
+
+    @classmethod
+    def poll(cls, context):
+        if runs(context, PREVIEW):
+            cls.poll_message_set("The preview runs; Dismiss ends it")
+            return False
+        return not state.work().busy
+
+    def execute(self, context):
+        return self.begin(context, tasks.preview_task)
+
+
+class SCENE_OT_drapery_dismiss(Task, bpy.types.Operator):
+    """End the preview, take it off the garments and delete its folder"""
+
+    bl_idname, bl_label, kind = "scene.drapery_dismiss", "Dismiss", PREVIEW
+
+    @classmethod
+    def poll(cls, context):
+        folder = scene_folder(context.scene, PREVIEW)
+        return not state.work().busy and bool(folder) and (context.scene.drapery.preview or folder.exists())
+
+    def execute(self, context):
+        return self.begin(context, tasks.dismiss_task)
+
+
+class SCENE_OT_drapery_colours(bpy.types.Operator):
+    """Colour the garments at the current frame"""
+
+    bl_idname, bl_label, bl_options = "scene.drapery_colours", "Colours", {"REGISTER", "UNDO"}
+
+    show: EnumProperty(name="Colours", items=COLOURS)
+
+    @classmethod
+    def description(cls, context, properties):
+        return next(entry[2] for entry in COLOURS if entry[0] == properties.show)
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT"
+
+    def execute(self, context):
+        scene, live = context.scene, state.work()
+        scene.drapery.colours = self.show
+        if self.show == "NONE":
+            live.colours.take_off(scene)
+            return {"FINISHED"}
+        # What is there by now.
+        live.tick()
+        done = live.colours.refresh(scene, live.live)
+        live.wake()
+        if done:
+            return {"FINISHED"}
+        self.report({"WARNING"}, next(found for found in live.colours.problems[scene.name] if not found.warning).message)
+        return {"CANCELLED"}
 
 
 class SCENE_OT_drapery_load(bpy.types.Operator):
@@ -262,10 +337,10 @@ class SCENE_OT_drapery_load(bpy.types.Operator):
             remarks = load_cache.load(context)
         except load_cache.CannotLoad as error:
             # In the panel too: a report is gone after a few seconds.
-            view.problems = [work.Problem(str(error))]
+            view.problems = [Problem(str(error))]
             self.report({"WARNING"}, str(error))
             return {"CANCELLED"}
-        view.problems = [work.Problem(remark, warning=True) for remark in remarks]
+        view.problems = [Problem(remark, warning=True) for remark in remarks]
         view.lines = ["Caches loaded"]
         return {"FINISHED"}
 
@@ -353,6 +428,7 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 
 CLASSES = (
     OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
-    OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate,
-    SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
+    OBJECT_OT_drapery_contact_add, OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan,
+    SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_colours,
+    SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip

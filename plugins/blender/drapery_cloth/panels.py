@@ -3,9 +3,10 @@
 import bpy
 
 from . import answers, load_cache, state
-from .collect import marked, scene_folder
+from .collect import PREVIEW, marked, scene_folder
 from .operators import runs
 from .pictures import OTHER
+from .settings import COLOURS
 
 # Problems that are listed; a broken character may have thousands.
 SHOWN = 12
@@ -31,7 +32,18 @@ def wrapped(layout, text, icon="NONE"):
     column.label(text=line, icon=icon)
 
 
-class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
+class OwnRows:
+    """Settings that replace those of the fabric where they are checked."""
+
+    def own(self, layout, own, key):
+        row = layout.row()
+        row.prop(own, f"own_{key}")
+        sub = row.row()
+        sub.active = getattr(own, f"own_{key}")
+        sub.prop(own, key)
+
+
+class VIEW3D_PT_drapery_object(OwnRows, Panel, bpy.types.Panel):
     bl_idname, bl_label = "VIEW3D_PT_drapery_object", "Object"
 
     def draw(self, context):
@@ -48,13 +60,6 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
             self.own(layout, thing.drapery, "thickness")
             self.own(layout, thing.drapery, "friction")
 
-    def own(self, layout, own, key):
-        row = layout.row()
-        row.prop(own, f"own_{key}")
-        sub = row.row()
-        sub.active = getattr(own, f"own_{key}")
-        sub.prop(own, key)
-
     def garment(self, layout, thing):
         own = thing.drapery
         layout.template_icon_view(own, "fabric", show_labels=True, scale=4.0, scale_popup=3.5)
@@ -66,7 +71,6 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
         layout.prop(own, "stiffens")
         layout.prop(own, "strain_limit")
         layout.prop(own, "order")
-        layout.prop(own, "ignores")
         if len(thing.modifiers) > 0:
             layout.prop(own, "simulated")
         layout.label(text="Render Mesh")
@@ -100,7 +104,46 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
                 box.prop(pin, "body")
             if pin.hold == "SPRING":
                 box.prop(pin, "stiffness")
+            row = box.row()
+            row.prop(pin, "released")
+            sub = row.row()
+            sub.active = pin.released
+            sub.prop(pin, "release")
         self.layout.operator("object.drapery_pin_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_contact(OwnRows, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_contact", "Contact", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        for index, rule in enumerate(context.object.drapery.contacts):
+            box = self.layout.box()
+            row = box.row()
+            row.prop(rule, "other", text="")
+            remove_button(row, "contacts", index)
+            box.prop(rule, "ignore")
+            if not rule.ignore:
+                self.own(box, rule, "friction")
+                self.own(box, rule, "thickness")
+        self.layout.operator("object.drapery_contact_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_properties(OwnRows, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_properties", "Stiffness and Pressure", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        own = context.object.drapery
+        for key in ("stretch", "bending", "damping"):
+            self.own(self.layout, own, key)
+        self.layout.prop(own, "pressure")
+        if own.pressure != "NONE":
+            self.layout.prop(own, "overpressure")
 
 
 class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
@@ -178,49 +221,28 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
             column.prop(own, "blend")
         layout.prop(own, "preset")
         layout.prop(own, "gravity")
+        if own.gravity:
+            layout.prop(own, "gravity_acceleration", text="m/s²")
         layout.prop(own, "self_contact")
+        if own.self_contact:
+            layout.prop(own, "self_friction")
         layout.prop(own, "wind")
         if own.wind:
-            layout.prop(own, "wind_velocity", text="m/s")
+            for key, label in (("wind_velocity", "m/s"), ("wind_normal", "Drag"), ("wind_tangential", "Along")):
+                layout.prop(own, key, text=label)
+        layout.prop(own, "air_drag")
+        if own.air_drag:
+            layout.prop(own, "air_drag_rate")
+        row = layout.row(heading="Also As", align=True)
+        row.prop(own, "also_h5", toggle=True)
+        row.prop(own, "also_usd", toggle=True)
         layout.prop(own, "threads")
 
 
-class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
-    bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
+class Report:
+    """Progress and problems, for panels about a run."""
 
-    def draw(self, context):
-        state.work().follow(context.scene)
-        layout, view = self.layout, state.work().view(context.scene)
-        row = layout.row(align=True)
-        row.operator("scene.drapery_check", icon="CHECKMARK")
-        row.operator("scene.drapery_plan", icon="VIEWZOOM")
-        row = layout.row(align=True)
-        row.scale_y = 1.4
-        if state.work().busy or runs(context):
-            row.operator("scene.drapery_cancel", icon="CANCEL")
-        else:
-            row.operator("scene.drapery_simulate", icon="PLAY").how = "GO_ON"
-            row.operator("scene.drapery_continue", icon="FF")
-        self.progress(layout, view, context)
-        if view.refused:
-            column = layout.column(align=True)
-            column.operator("scene.drapery_simulate", text="Start Anew", icon="TRASH").how = "ANEW"
-            column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
-        for line in view.lines:
-            wrapped(layout, line, "INFO")
-        self.problems(layout, view.problems)
-        if view.status and view.warnings:
-            layout.label(text="Warnings of the Simulation", icon="INFO")
-            self.problems(layout, view.warnings)
-        row = layout.row(align=True)
-        row.operator("scene.drapery_load", icon="IMPORT")
-        row.operator("scene.drapery_unload", icon="LOOP_BACK")
-        layout.prop(context.scene.drapery, "cache_folder", text="From")
-        layout.operator("scene.drapery_write", icon="FILE_FOLDER")
-        if not bpy.app.build_options.alembic:
-            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
-
-    def progress(self, layout, view, context):
+    def progress(self, layout, view):
         if view.doing:
             self.bar(layout, view.share, view.doing)
         elif view.status:
@@ -257,5 +279,101 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             layout.label(text=f"and {len(problems) - SHOWN} more")
 
 
-CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
-           VIEW3D_PT_drapery_simulation)
+class VIEW3D_PT_drapery_simulation(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
+
+    def draw(self, context):
+        state.work().follow(context.scene)
+        layout, view = self.layout, state.work().view(context.scene)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_check", icon="CHECKMARK")
+        row.operator("scene.drapery_plan", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        if state.work().busy or runs(context):
+            row.operator("scene.drapery_cancel", icon="CANCEL")
+        else:
+            row.operator("scene.drapery_simulate", icon="PLAY").how = "GO_ON"
+            row.operator("scene.drapery_continue", icon="FF")
+        self.progress(layout, view)
+        if view.refused:
+            column = layout.column(align=True)
+            column.operator("scene.drapery_simulate", text="Start Anew", icon="TRASH").how = "ANEW"
+            column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
+        for line in view.lines:
+            wrapped(layout, line, "INFO")
+        self.problems(layout, view.problems)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_load", icon="IMPORT")
+        row.operator("scene.drapery_unload", icon="LOOP_BACK")
+        layout.prop(context.scene.drapery, "cache_folder", text="From")
+        layout.operator("scene.drapery_write", icon="FILE_FOLDER")
+        if not bpy.app.build_options.alembic:
+            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
+
+
+class VIEW3D_PT_drapery_warnings(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_warnings", "Warnings of the Simulation", "VIEW3D_PT_drapery_simulation"
+    # Below its sisters: there may be many.
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, context):
+        view = state.work().view(context.scene)
+        return bool(view.status and view.warnings)
+
+    def draw(self, context):
+        self.problems(self.layout, state.work().view(context.scene).warnings)
+
+
+class VIEW3D_PT_drapery_preview(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_preview", "Preview", "VIEW3D_PT_drapery_simulation"
+
+    def draw(self, context):
+        layout, view = self.layout, state.work().view(context.scene, PREVIEW)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_preview", icon="PLAY")
+        row.operator("scene.drapery_dismiss", icon="X")
+        self.progress(layout, view)
+        for line in view.lines:
+            wrapped(layout, line, "INFO")
+        self.problems(layout, view.problems)
+
+
+class VIEW3D_PT_drapery_live(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_live", "Live View", "VIEW3D_PT_drapery_simulation"
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.drapery, "live", text="")
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        layout.prop(scene.drapery, "live_newest")
+        shown = state.work().live.state(scene)
+        if shown is None:
+            return
+        text, other = shown.note(scene.frame_current)
+        wrapped(layout, ("Preview: " if scene.drapery.preview else "") + text, "ERROR" if other else "HIDE_OFF")
+        self.problems(layout, shown.problems)
+
+
+class VIEW3D_PT_drapery_colours(Report, Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_colours", "Colours", "VIEW3D_PT_drapery_simulation"
+
+    def draw(self, context):
+        layout, scene, live = self.layout, context.scene, state.work()
+        row = layout.row(align=True)
+        for show, label, _ in COLOURS:
+            row.operator("scene.drapery_colours", text=label, depress=scene.drapery.colours == show).show = show
+        legend = live.colours.legends.get(scene.name)
+        if legend:
+            column = layout.column(align=True)
+            # Of strain from below, so that what is large is above; of contact, what is close.
+            for icon, text in reversed(list(zip(state.pictures().legend_icons(), legend))):
+                column.label(text=text, icon_value=icon)
+        self.problems(layout, live.colours.problems.get(scene.name, []))
+
+
+CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_properties, VIEW3D_PT_drapery_contact, VIEW3D_PT_drapery_pins,
+           VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation,
+           VIEW3D_PT_drapery_warnings, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live, VIEW3D_PT_drapery_colours)

@@ -4,6 +4,7 @@ import bpy
 import bpy.utils.previews
 
 from .fabrics import FABRICS, PICTURE_SIZE, picture
+from .ramp import BEYOND, RAMP, SWATCH_SIZE, swatch
 
 # A fabric of the studio, from a material file.
 OTHER = "OTHER"
@@ -14,7 +15,17 @@ class Pictures:
 
     def __init__(self):
         self.previews = bpy.utils.previews.new()
-        self.entries = []
+        self.entries, self.swatches = [], []
+
+    def legend_icons(self):
+        """Icons of the colours of the ramp, and of the one beyond it."""
+        if not self.swatches:
+            for index, colour in enumerate((*RAMP, BEYOND)):
+                preview = self.previews.new(f"ramp {index}")
+                preview.icon_size = preview.image_size = (SWATCH_SIZE, SWATCH_SIZE)
+                preview.icon_pixels_float = preview.image_pixels_float = swatch(colour)
+                self.swatches.append(preview.icon_id)
+        return self.swatches
 
     def fabric_entries(self):
         if not self.entries:
@@ -30,4 +41,4 @@ class Pictures:
 
     def remove(self):
         bpy.utils.previews.remove(self.previews)
-        self.entries = []
+        self.entries, self.swatches = [], []

@@ -100,6 +100,12 @@ class Simulation:
         """Its exit code, or None while it runs."""
         return self._popen.poll()
 
+    def end(self):
+        """Ends a run that nobody needs the frames of."""
+        if self.code is None:
+            self._popen.terminate()
+            self._popen.wait()
+
     @property
     def errors(self):
         try:

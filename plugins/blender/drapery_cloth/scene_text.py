@@ -27,17 +27,18 @@ class Pin:
     """Vertices that are held: those where the numbers in `file` are above one half.
 
     `body` is the name of the body that they are bound to, or None if they stay where they start. `stiffness` in N/m makes
-    springs of them, or None if they are held hard.
+    springs of them, or None if they are held hard. They are free after the time `until`, in seconds since the first frame.
     """
 
     file: str
     body: str | None = None
     stiffness: float | None = None
+    until: float | None = None
 
 
 @dataclass
 class Body:
-    """An animated mesh that cloth collides with; `thickness` in mm and `friction` are Drapery's own choice where None.
+    """An animated mesh that cloth collides with; `thickness` in mm and `friction` are Drapery's own choice where None, and may be curves.
 
     `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None. Bodies are `sized`
     that are so large or so small that the scene has to say that it is meant.
@@ -56,8 +57,9 @@ class Garment:
     """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin.
 
     Strains are shares of a length: at `extension` cloth that stiffens carries the load of its material, None for one that does not
-    stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material. `ignores` is the kind, garment or
-    body, and the name of the object that the garment passes through, or None.
+    stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material. `stretch` in N/m, `bending` in
+    µN·m and `damping`, a ratio, are those of the material where None; `pressure` is None or a pair, its kind and the pascals. Numbers
+    may be curves but for the thickness.
     """
 
     name: str
@@ -71,7 +73,20 @@ class Garment:
     limited: bool = False
     limit: float | None = None
     render_mesh: "RenderMesh | None" = None
-    ignores: tuple | None = None
+    stretch: object = None
+    bending: object = None
+    damping: float | None = None
+    pressure: tuple | None = None
+
+
+@dataclass
+class Contact:
+    """A rule of contact between two objects, each a kind, garment or body, and a name; `thickness` in mm. Numbers may be curves."""
+
+    between: tuple
+    ignore: bool = False
+    friction: object = None
+    thickness: object = None
 
 
 @dataclass
@@ -96,15 +111,13 @@ class Seam:
     closed: float | None = None
 
 
-# Drag of cloth in air, normal to it [kg/m³] and along it [N s/m³]: docs/howto/flag.md.
-DRAG = 0.77, 0.02
-
-
 @dataclass
 class Shot:
     """Contents of a scene file beside bodies and garments.
 
-    `rate` is in frames per second; `wind` is the velocity of the air [m/s], Y up, or None.
+    `rate` is in frames per second; `gravity` is an acceleration [m/s²] and `wind` the velocity of the air [m/s], Y up, or None; `drag` of
+    cloth in it is normal to it [kg/m³] and along it [N s/m³]. `air_drag` is a rate [1/s] or None. Numbers may be curves, as lists of
+    pairs of a frame and a value.
     """
 
     name: str
@@ -114,9 +127,13 @@ class Shot:
     settle: int = 0
     blend: int = 0
     preset: str = "production"
-    gravity: bool = True
+    gravity: object = (0.0, -9.81, 0.0)
     self_contact: bool = True
-    wind: tuple | None = None
+    wind: object = None
+    drag: tuple = (0.77, 0.02)
+    air_drag: object = None
+    self_friction: object = 0.4
+    formats: tuple = ("abc",)
 
 
 def plain_name(name):
@@ -146,10 +163,21 @@ def quoted(text):
 
 def number(value):
     """A number as TOML takes it, without the noise of single precision."""
-    return f"{value:.6g}"
+    # Adding zero makes -0 a 0.
+    return f"{value + 0.0:.6g}"
 
 
-def scene_text(shot, bodies, garments, seams=()):
+def quantity(value, unit="", factor=1.0):
+    """A number with its unit, a list of three, or a curve of either, as TOML; a factor brings it to the unit."""
+    if isinstance(value, list):
+        return f"[{', '.join(f'[{frame}, {quantity(each, unit, factor)}]' for frame, each in value)}]"
+    if isinstance(value, tuple):
+        return f"[{', '.join(number(factor * each) for each in value)}]"
+    text = number(factor * value)
+    return f'"{text} {unit}"' if unit else text
+
+
+def scene_text(shot, bodies, garments, seams=(), contacts=()):
     """The scene file. Garments come in wearing order, the closest to the skin first; each seam with the vertices of its sides."""
     lines = [
         "# Written by the Drapery add-on for Blender. On a farm:",
@@ -165,43 +193,51 @@ def scene_text(shot, bodies, garments, seams=()):
     if shot.settle or shot.blend:
         lines += ["[shot.preroll]", f"settle = {shot.settle}", f"blend = {shot.blend}", ""]
     lines += ["[units]", 'length = "m"', 'up = "Y"', "", "[solver]", f"preset = {quoted(shot.preset)}", ""]
-    lines += ["[output]", 'format = ["abc"]', ""]
-    silenced = []
-    if shot.gravity:
-        lines += ["[gravity]", ""]
-    else:
-        silenced.append("no_gravity")
-    if shot.wind is not None:
-        normal, along = DRAG
-        lines += ["[wind]", f"velocity = [{', '.join(map(number, shot.wind))}]", f'density = "{normal} kg/m³"']
-        lines += [f'tangential = "{along} N s/m³"', ""]
-    if shot.self_contact:
-        lines += ["[self_repulsion]", "", "[self_collision]", ""]
-    else:
-        silenced.append("no_self_collision")
-    if silenced:
-        # Whoever clears a check box means it.
-        lines += ["[check]", f"silence = [{', '.join(map(quoted, silenced))}]", ""]
+    lines += ["[output]", f"format = [{', '.join(map(quoted, shot.formats))}]", "", *effect_lines(shot)]
     for body in bodies:
         lines += body_lines(body)
     for garment in sorted(garments, key=lambda garment: garment.order):
         lines += garment_lines(garment)
     for seam, vertices in seams:
         lines += seam_lines(seam, vertices)
-    for pair in ignored_pairs(garments, shot.self_contact):
-        lines += ["[[contact]]", f"between = [{', '.join(quoted('.'.join(side)) for side in pair)}]", "ignore = true", ""]
+    for contact in contacts:
+        # Without self collision garments pass through each other anyway.
+        if shot.self_contact or contact.between[1][0] == "body":
+            lines += contact_lines(contact)
     return "\n".join(lines)
 
 
-def ignored_pairs(garments, self_contact):
-    """Pairs of objects that pass through each other, by kind and name, each once; garments do it anyway without self collision."""
-    pairs = []
-    for garment in garments:
-        pair = (("garment", garment.name), garment.ignores)
-        is_asked = garment.ignores is not None and (self_contact or garment.ignores[0] == "body")
-        if is_asked and pair not in pairs and pair[::-1] not in pairs:
-            pairs.append(pair)
-    return pairs
+def effect_lines(shot):
+    """The effects of the whole scene; boxes that are cleared on purpose give no warnings."""
+    lines, silenced = [], []
+    if shot.gravity is not None:
+        lines += ["[gravity]", f"acceleration = {quantity(shot.gravity)}", ""]
+    else:
+        silenced.append("no_gravity")
+    if shot.wind is not None:
+        normal, along = shot.drag
+        lines += ["[wind]", f"velocity = {quantity(shot.wind)}", f"density = {quantity(normal, 'kg/m³')}"]
+        lines += [f"tangential = {quantity(along, 'N s/m³')}", ""]
+    if shot.air_drag is not None:
+        lines += ["[ether_drag]", f"rate = {quantity(shot.air_drag)}", ""]
+    if shot.self_contact:
+        lines += ["[self_repulsion]", f"friction = {quantity(shot.self_friction)}", "", "[self_collision]", ""]
+    else:
+        silenced.append("no_self_collision")
+    if silenced:
+        lines += ["[check]", f"silence = [{', '.join(map(quoted, silenced))}]", ""]
+    return lines
+
+
+def contact_lines(contact):
+    lines = ["[[contact]]", f"between = [{', '.join(quoted('.'.join(side)) for side in contact.between)}]"]
+    if contact.ignore:
+        return [*lines, "ignore = true", ""]
+    if contact.friction is not None:
+        lines.append(f"friction = {quantity(contact.friction)}")
+    if contact.thickness is not None:
+        lines.append(f"thickness = {quantity(contact.thickness, 'mm')}")
+    return [*lines, ""]
 
 
 def body_lines(body):
@@ -211,9 +247,9 @@ def body_lines(body):
     if body.sized:
         lines.append('units = { length = "m", up = "Y" }')
     if body.thickness is not None:
-        lines.append(f'thickness = "{number(body.thickness)} mm"')
+        lines.append(f"thickness = {quantity(body.thickness, 'mm')}")
     if body.friction is not None:
-        lines.append(f"friction = {number(body.friction)}")
+        lines.append(f"friction = {quantity(body.friction)}")
     return [*lines, ""]
 
 
@@ -226,8 +262,18 @@ def garment_lines(garment):
         pairs = [f"{painted.quantity} = {quoted('file:' + painted.file)}" for painted in garment.maps]
         lines.append(f"maps = {{ {', '.join(pairs)} }}")
     lines.append("")
-    if garment.extension is not None:
-        lines += ["[garment.stretch]", f"extension = {number(garment.extension)}", ""]
+    damping = [] if garment.damping is None else [f"damping_ratio = {number(garment.damping)}"]
+    stretch = [] if garment.extension is None else [f"extension = {number(garment.extension)}"]
+    if garment.stretch is not None:
+        stretch.append(f"stiffness = {quantity(garment.stretch, 'N/m')}")
+    bending = [] if garment.bending is None else [f"stiffness = {quantity(garment.bending, 'µN·m')}"]
+    for table, own in (("stretch", stretch + damping), ("dihedral_bending", bending + damping)):
+        if own:
+            lines += [f"[garment.{table}]", *own, ""]
+    if garment.pressure is not None:
+        kind, pascals = garment.pressure
+        lines += ["[garment.pressure]", f"overpressure = {quantity(pascals, 'Pa')}"]
+        lines += {"CLOSED": [], "OPEN": ["open = true"], "GAS": ["gas = true"]}[kind] + [""]
     if garment.limited:
         lines += ["[garment.strain_limit]", *([] if garment.limit is None else [f"limit = {number(garment.limit)}"]), ""]
     if garment.render_mesh:
@@ -240,6 +286,8 @@ def garment_lines(garment):
         lines.append(f"to = {quoted('body:' + pin.body if pin.body else 'start')}")
         if pin.stiffness is not None:
             lines += ['mode = "spring"', f'stiffness = "{number(pin.stiffness)} N/m"']
+        if pin.until is not None:
+            lines.append(f'until = "{pin.until:.9g} s"')
         lines.append("")
     return lines
 

@@ -36,6 +36,17 @@ QUANTITIES = [
     ("wind", "Wind", "Share of the wind that is felt"),
 ]
 
+COLOURS = [("NONE", "None", "No colours: meshes and windows as they were before"),
+           ("STRAIN", "Strain", "How far the edges are stretched, from 0 to the largest strain of the fabric"),
+           ("CONTACT", "Contact", "How close the cloth is to bodies and other garments, in thicknesses")]
+
+# Settings that may be keyframed. `thickness` is that of a body.
+OVER_TIME = {
+    "DraperyContact": ("friction", "thickness"),
+    "DraperyObject": ("thickness", "friction", "stretch", "bending", "overpressure"),
+    "DraperyScene": ("gravity_acceleration", "wind_velocity", "self_friction", "air_drag_rate"),
+}
+
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
@@ -58,12 +69,29 @@ def takes_part(own, thing):
     return thing.type == "MESH" and thing.drapery.role != "NONE"
 
 
+def still(kind):
+    """Lets no setting be keyframed but those that may change over time: keyframes of others would have no effect."""
+    for name, deferred in kind.__annotations__.items():
+        if name not in OVER_TIME.get(kind.__name__, ()) and deferred.function not in (CollectionProperty, PointerProperty):
+            deferred.keywords.setdefault("options", set())
+    return kind
+
+
 def overridable(kind):
     """Keeps what is set on a library override of a linked object; Blender forgets all else when the file is opened again."""
     for deferred in kind.__annotations__.values():
         rows = {"USE_INSERTION"} if deferred.function is CollectionProperty else set()
         deferred.keywords["override"] = OVERRIDABLE | rows
-    return kind
+    return still(kind)
+
+
+def live_changed(self, context):
+    live = state.work().live
+    if self.live or self.preview:
+        live.refresh(self.id_data)
+        state.work().wake()
+    else:
+        live.take_off(self.id_data)
 
 
 def fabric_entries(self, context):
@@ -82,6 +110,8 @@ class DraperyPin(bpy.types.PropertyGroup):
     body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_body,
                           description="Which body; left empty, the first one (of springs: none)")
     stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
+    released: BoolProperty(name="Release", description="The vertices are free from a frame on")
+    release: IntProperty(name="At", default=100, description="Frame up to which the vertices are held")
 
 
 @overridable
@@ -109,6 +139,20 @@ class DraperySeam(bpy.types.PropertyGroup):
 
 
 @overridable
+class DraperyContact(bpy.types.PropertyGroup):
+    """A rule of contact between a garment and another object, or its own layers."""
+
+    other: PointerProperty(name="With", type=bpy.types.Object, poll=takes_part,
+                           description="A garment or a body; the garment itself, for its own layers")
+    ignore: BoolProperty(name="Ignore", description="The two pass through each other, such as a coat and the lining that it is sewn to")
+    own_friction: BoolProperty(name="Friction", description="Instead of that of the body, or of Self Collision between cloth and cloth")
+    friction: FloatProperty(name="", default=0.3, min=0.0, max=100.0, description="Coulomb friction between the two; may be keyframed")
+    own_thickness: BoolProperty(name="Thickness", description="Instead of that of the body, or of the thicker garment")
+    thickness: FloatProperty(name="mm", default=1.0, min=0.01, max=100.0, precision=2,
+                             description="Distance that the two keep; may be keyframed")
+
+
+@overridable
 class DraperyMap(bpy.types.PropertyGroup):
     """A quantity that is painted."""
 
@@ -129,7 +173,8 @@ class DraperyObject(bpy.types.PropertyGroup):
     other_fabric: StringProperty(name="Material", description="Name of a material from the studio's material files")
     own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
     thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
-                             description="Distance that layers of cloth keep, or that a body keeps from cloth")
+                             description="Distance that layers of cloth keep, or that a body keeps from cloth; of a body it may be "
+                             "keyframed")
     own_strain: BoolProperty(name="Strain", description="Largest strain, instead of that of the fabric")
     strain: FloatProperty(name="%", default=8.0, min=0.1, max=1000.0, precision=1,
                           description="How far the cloth stretches, in per cent of its length")
@@ -139,8 +184,24 @@ class DraperyObject(bpy.types.PropertyGroup):
     strain_limit: BoolProperty(name="Strain Limit", description="Edges stop at the largest strain")
     order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
                        description="1 is worn closest to the skin. Garments are written in this order")
-    ignores: PointerProperty(name="Ignores", type=bpy.types.Object, poll=takes_part,
-                             description="A garment or a body that this garment passes through, such as a coat that its lining is sewn to")
+    own_stretch: BoolProperty(name="Stretch", description="Resistance to being stretched, instead of that of the fabric")
+    stretch: FloatProperty(name="N/m", default=260.0, min=1.0, max=1e5, precision=1,
+                           description="Force per width and strain; cloth has 50 to 2000 N/m; may be keyframed")
+    own_bending: BoolProperty(name="Bending", description="Resistance to being bent, instead of that of the fabric")
+    bending: FloatProperty(name="µN·m", default=14.0, min=0.01, max=1e6, precision=2,
+                           description="Bending rigidity; silk has 1, denim 70, paper 400 µN·m; may be keyframed")
+    own_damping: BoolProperty(name="Damping", description="Of stretching and bending, instead of that of the fabric")
+    damping: FloatProperty(name="", default=1.0, min=0.0, max=1000.0, precision=2,
+                           description="Damping ratio: 1 is critical for a single edge, 0 rings for ever")
+    pressure: EnumProperty(
+        name="Pressure", default="NONE",
+        items=[("NONE", "None", "No pressure"), ("CLOSED", "Constant", "A closed garment with constant pressure, such as a cushion"),
+               ("OPEN", "Open Edges", "Constant pressure on a garment with holes"),
+               ("GAS", "Gas", "A closed garment with a fixed amount of gas: squeezing raises the pressure")])
+    overpressure: FloatProperty(name="Overpressure (Pa)", default=100.0, min=-1e5, max=1e5,
+                                description="Pressure inside minus pressure outside; a cushion has 100 Pa, a toy balloon 2000 Pa; may be "
+                                "keyframed")
+    contacts: CollectionProperty(type=DraperyContact)
     simulated: EnumProperty(
         name="Simulated Mesh", default="BASE",
         items=[("BASE", "Before Subdivision", "Deforming modifiers at the top of the stack, such as Armature, shape the cloth at "
@@ -155,7 +216,8 @@ class DraperyObject(bpy.types.PropertyGroup):
     seams: CollectionProperty(type=DraperySeam)
     maps: CollectionProperty(type=DraperyMap)
     own_friction: BoolProperty(name="Friction", description="Instead of that of each fabric")
-    friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
+    friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0,
+                            description="Coulomb friction of the body against cloth; may be keyframed")
 
     @property
     def material(self):
@@ -163,6 +225,7 @@ class DraperyObject(bpy.types.PropertyGroup):
         return self.other_fabric if self.fabric == OTHER else self.fabric
 
 
+@still
 class DraperyScene(bpy.types.PropertyGroup):
     """The shot."""
 
@@ -184,14 +247,34 @@ class DraperyScene(bpy.types.PropertyGroup):
         items=[("preview", "Preview", "For blocking: 4 long steps per frame"),
                ("production", "Production", "For shots: 8 long steps per frame"),
                ("hero", "Hero", "For close-ups: 16 long steps per frame")])
-    gravity: BoolProperty(name="Gravity", default=True, description="9.81 m/s² downwards, whatever the unit scale is")
+    gravity: BoolProperty(name="Gravity", default=True, description="Off: cloth floats")
+    gravity_acceleration: FloatVectorProperty(name="Gravity (m/s²)", size=3, subtype="XYZ", default=(0.0, 0.0, -9.81), min=-1e4, max=1e4,
+                                              description="In metres a second squared, whatever the unit scale is; may be keyframed")
     self_contact: BoolProperty(name="Self Collision", default=True,
                                description="Layers and garments keep apart and never pass through each other")
+    self_friction: FloatProperty(name="Friction", default=0.4, min=0.0, max=100.0,
+                                 description="Coulomb friction between cloth and cloth; may be keyframed")
     wind: BoolProperty(name="Wind", description="Air that moves or slows cloth; bodies do not keep it off")
-    # Written as one number: keyframes would have no effect.
     wind_velocity: FloatVectorProperty(name="Velocity (m/s)", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-1000.0, max=1000.0,
-                                       options=set(), description="Velocity of the air in metres a second, whatever the unit scale is; "
-                                       "0 is still air, which slows the cloth")
+                                       description="Velocity of the air in metres a second, whatever the unit scale is; 0 is still air, "
+                                       "which slows the cloth; may be keyframed")
+    wind_normal: FloatProperty(name="Drag (kg/m³)", default=0.77, min=0.0, max=100.0,
+                               description="Drag of the cloth across the wind; 0.77 for a plate in air, 1.2 at most")
+    wind_tangential: FloatProperty(name="Along (N s/m³)", default=0.02, min=0.0, max=100.0,
+                                   description="Drag of the cloth along the wind; about 0.01 for cloth in a breeze")
+    air_drag: BoolProperty(name="Air Damping", description="Calms all motion of the cloth, as if in a denser medium")
+    air_drag_rate: FloatProperty(name="Rate (1/s)", default=0.5, min=0.0, max=1000.0,
+                                 description="Share of the velocity that is lost in a second; 0.5 calms, 5 is like water; may be keyframed")
+    also_h5: BoolProperty(name="HDF5", description="Write caches as HDF5, too")
+    also_usd: BoolProperty(name="USD", description="Write caches as USD, too, where the solver was built with it")
+    live: BoolProperty(name="Live View", update=live_changed, options=set(), description="Garments show the frames of the simulation as "
+                       "soon as they are written, also those that a farm writes to the folder under From")
+    live_newest: BoolProperty(name="Follow Newest Frame", update=live_changed, options=set(), description="The playhead goes to each frame that is new")
+    # Set by Preview and cleared by Dismiss.
+    preview: BoolProperty(options={"HIDDEN"})
+    # Set by the operator Colours; and what windows and meshes were like before, as JSON.
+    colours: EnumProperty(items=COLOURS, options={"HIDDEN"})
+    before_colours: StringProperty(options={"HIDDEN"})
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
                                  description="Folder of a run that a farm has made; empty for the scene folder's own")
@@ -211,7 +294,7 @@ class DraperyPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "exporter")
 
 
-CLASSES = (DraperyPin, DraperySeam, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+CLASSES = (DraperyPin, DraperySeam, DraperyContact, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
 # What gets a property `drapery`, and of which kind.
 PROPERTIES = ((bpy.types.Object, DraperyObject), (bpy.types.Scene, DraperyScene))
 
