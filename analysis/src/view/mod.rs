@@ -52,7 +52,7 @@ pub enum ViewError {
     TooLarge(usize),
 }
 
-/// What is shown of an object at a frame.
+/// Quantities of an object at a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Field {
     /// Positions [m].
@@ -74,7 +74,7 @@ impl Field {
     ];
 }
 
-/// What the page knows of a run.
+/// State of a run, for the page.
 #[derive(Debug, Serialize)]
 struct RunState {
     #[serde(flatten)]

@@ -254,7 +254,7 @@ impl Opened {
         }
     }
 
-    /// What is known of an object at a frame, as an array.
+    /// A quantity of an object at a frame, as an array.
     pub(super) fn field(
         &mut self,
         object: usize,
