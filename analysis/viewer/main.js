@@ -75,9 +75,9 @@ function tell() {
     if (!run) return;
     const { frames } = run, place = frames.indexOf(shown);
     const words = [];
-    if (run.frames_done === 0) words.push(run.state === "running" && !run.killed ? "waiting for the first frame" : "no frames");
+    if (run.frames_done === 0) words.push(run.state === "running" ? "waiting for the first frame" : "no frames");
     else if (shown !== null) words.push(`frame ${shown} (${place + 1} of ${frames.length}${ofRun()})`);
-    if (run.killed) words.push("the process of the run ended without a message");
+    if (run.state === "killed") words.push("the process of the run ended without a message");
     else if (run.state === "running") {
         const when = held ? "running when this page was written" : "running";
         words.push(`${when}: ${run.frames_done} of ${run.frames_total} frames${left(run.seconds_left)}`);
@@ -116,7 +116,7 @@ async function renew(now) {
     if (isOther) describe();
     part("notices").textContent = now.notices.join("\n");
     if (!now.frames.length) return tell();
-    const goes = now.state === "running" && !now.killed;
+    const goes = now.state === "running";
     if (shown === null) await show(goes || held === null ? now.frames.at(-1) : now.frames[0]);
     else if (!now.frames.includes(shown)) await show(now.frames.at(-1));
     else if (part("follow").checked && wasLast && now.frames.length > had && !isPlaying) await show(now.frames.at(-1));

@@ -83,8 +83,6 @@ struct RunState {
     attempt: String,
     /// Why the last attempt ended, if it has.
     reason: Option<String>,
-    /// Whether its process is known to be dead.
-    killed: bool,
     /// Frames a second.
     fps: f64,
     /// Frames that can be shown.
@@ -172,11 +170,9 @@ impl Viewer {
         let status = Status::of(&self.folder, SystemTime::now())?;
         self.with(|opened| {
             let objects = (0..opened.objects()).map(|object| opened.about(object));
-            let killed = status.was_killed();
             Ok(RunState {
                 attempt: opened.attempt(),
                 reason: opened.folder.manifest.attempts.last().and_then(|attempt| attempt.end.clone()),
-                killed,
                 status,
                 fps: rate(&opened.folder.manifest.fps),
                 frames: opened.frames.clone(),
