@@ -49,7 +49,7 @@ const ROOMS: [&str; 34] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 28] = [
+const IO_ROOMS: [&str; 29] = [
     "error",
     "input_file",
     "atomic_file",
@@ -82,7 +82,7 @@ const IO_ROOMS: [&str; 28] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 24] = [
+const SHOT_ROOMS: [&str; 25] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -111,7 +111,20 @@ const SHOT_ROOMS: [&str; 24] = [
 ];
 
 /// The rooms of what is said of results.
-const ANALYSIS_ROOMS: [&str; 9] = ["page", "drawn", "local_run", "bits", "verify", "diff", "report", "view", "study"];
+const ANALYSIS_ROOMS: [&str; 12] = [
+    "page",
+    "drawn",
+    "contact_sheet",
+    "local_run",
+    "bits",
+    "verify",
+    "diff",
+    "report",
+    "view",
+    "comparison",
+    "wedge",
+    "study",
+];
 
 /// A crate whose rooms are held.
 struct Held {
