@@ -63,7 +63,7 @@ SHOTS = {
                   add=["belt"], window=(1.3, 0.84))],
     "fabric": [shot(HOWTO / "fabric.toml", [24], {"square": look}, settings=(f"fabric={fabric}",), label=fabric, **OVER_BALL)
                for fabric, look in (("silk_light", "silk"), ("denim_11oz", "denim"), ("leather_garment", "leather"))],
-    "closures": [shot(HOWTO / "closures.toml", [0, 44, 96], {"left": "cotton_blue", "right": "wool_teal"}, turn=15.0, size=(480, 640))],
+    "closures": [shot(HOWTO / "closures.toml", [0, 60, 96], {"left": "cotton_blue", "right": "wool_teal"}, turn=15.0, size=(480, 640))],
     "over_time": [shot(HOWTO / "over_time.toml", [8, 28, 38], {"square": "cotton_blue"}, **{**OVER_BALL, "window": (1.15, 0.42)})],
     "painted_maps": [shot(MAPS, [0], {}, label="0: orange is stiff, violet is heavy, too", maps="starched", until=48, **CURTAINS),
                      shot(MAPS, [48], {}, label="48, with the maps", maps="starched", run=0, **CURTAINS),
