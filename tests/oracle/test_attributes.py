@@ -195,7 +195,7 @@ def test_attributes_change_nothing_else_and_are_there_only_where_they_are_asked_
 def test_bytes_are_the_same_on_other_threads_and_after_a_stop(shot, tmp_path):
     again = scene(tmp_path / "again", ALL)
     out = tmp_path / "again" / "out"
-    again.run(out, "--checkpoint-every", "1", last=1002, threads=1)
+    again.run(out, "--checkpoint-every", "1f", last=1002, threads=1)
     again.run(out, threads=1)
     assert bytes_of(out) == bytes_of(shot)
 
