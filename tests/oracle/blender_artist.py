@@ -170,6 +170,7 @@ def seams():
     front, back, tube = (bpy.data.objects[name] for name in ("front", "bäck", "tube"))
     seam = front.drapery.seams[0]
     seam.own_closing, seam.start, seam.closed = True, 3, 13
+    seam.own_opening, seam.opens, seam.opened = True, 97, 121
     # A tube to itself, at once, to the nearest.
     sew(tube, "begin", tube, "end", pairing="NEAREST", own_closing=True, start=1, closed=9, stiffness=250.0)
     sew(tube, "end", tube, "begin")
@@ -215,7 +216,11 @@ def bad_seams():
     answer["no_own_group"] = press("check")
     seam.group, seam.other, seam.other_group, seam.own_closing, seam.start, seam.closed = "right", back, "left", True, 9, 8
     answer["times"] = press("check")
-    seam.own_closing = False
+    seam.own_closing, seam.own_opening, seam.opens, seam.opened = False, True, 9, 8
+    answer["opening"] = press("check")
+    seam.own_opening, seam.zip, seam.pairing = False, True, "NEAREST"
+    answer["zip"] = press("check")
+    seam.zip, seam.pairing = False, "LINE"
     sew(back, "left", front, "right")
     answer["twice"] = press("check")
     bpy.ops.object.drapery_remove(rows="seams", index=0)
@@ -270,7 +275,7 @@ def darts():
     low, high = panel_tube("low", 1.0), panel_tube("high", 1.2, turned=5)
     mark("GARMENT", square, low, high)
     save()
-    sew(square, "bottom", square, "left", own_closing=True, start=1, closed=240)
+    sew(square, "left", square, "bottom", own_closing=True, start=1, closed=240, zip=True)
     sew(low, "upper", high, "lower", own_closing=True, start=1, closed=13)
     answer["simulated"] = press("simulate")
     answer["scene"] = (FOLDER / "drapery" / "scene.toml").read_text()

@@ -74,6 +74,7 @@ def test_two_groups_of_one_garment_are_sewn(act):
     scene = tomllib.loads((folder / "drapery" / "scene.toml").read_text())
     to_panel, to_itself = scene["seam"]
     assert (to_panel["start"], to_panel["closed"]) == ("0.0833333333 s", "0.5 s") and "pairing" not in to_panel
+    assert (to_panel["opens"], to_panel["opened"]) == ("4 s", "5 s") and "opens" not in to_itself
     assert to_itself["pairing"] == "nearest" and to_itself["strength"] == "250 N/m"
     assert to_itself["from"]["garment"] == to_itself["to"]["garment"] == "tube"
 
@@ -98,6 +99,8 @@ def test_seams_are_undone_saved_and_copied(act):
         ("no_group", 'the seam of its group "right" leads to no vertex group of "front"'),
         ("no_own_group", '"front": a seam has no vertex group|choose one, or remove the seam'),
         ("times", 'the seam of its group "right" is closed at frame 8, before it starts to close at frame 9'),
+        ("opening", 'the seam of its group "right" is open at frame 8, before it starts to open at frame 9'),
+        ("zip", 'the seam of its group "right" is a zip, and nearest pairs have no order|choose Pairs: Along the Edges'),
         ("twice", '"front": the seam of its group "right" to "left" of "bäck" is there twice|remove one'),
         ("missing", 'b_ck|None|None|None|"bäck" has no vertex group "cuff", which a seam sews'),
         ("light", '"bäck": no vertex of vertex group "cuff" is above one half, so that a seam sews nothing'),
@@ -129,7 +132,9 @@ def test_darts_and_rings_are_sewn_in_order(act):
     # Both edges from the corner, which is sewn to nothing; in 5.0 and 3.4, whichever end they begin at.
     row = COLUMNS + 1
     pairs = set(zip(dart["from"]["vertices"], dart["to"]["vertices"]))
-    assert pairs == {(k, k * row) for k in range(1, row)}
+    assert pairs == {(k * row, k) for k in range(1, row)}
+    # A zip begins at its lower end.
+    assert dart["zip"] and (np.diff(z_up(positions(folder, "square"))[0][dart["from"]["vertices"]][:, 2]) > 0).all()
     # The upper tube counts from another place: each vertex is sewn to the one above it.
     assert set(zip(rings["from"]["vertices"], rings["to"]["vertices"])) == {(80 + i, (i - 5) % 20) for i in range(20)}
     low, high = positions(folder, "low"), positions(folder, "high")

@@ -58,7 +58,7 @@ def scene_in(folder, parts, **changes):
     cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
     coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"),
                         [(1001, 30.0), (1003, 40.0)], 14.0, 0.5, ("OPEN", 2.0))
-    seam = text.Seam(("cape", "coat"), False, 321.5, -0.5, 1.25), [[3, 2], [0, 1]]
+    seam = text.Seam(("cape", "coat"), False, 321.5, -0.5, 1.25, 2.0, 2.5, True), [[3, 2], [0, 1]]
     nearest = text.Seam(("coat", "coat"), True, 400.0), [[0], [2]]
     contact = text.Contact((("garment", "coat"), ("body", "floor")), True)
     written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest], [contact])
@@ -88,6 +88,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     sewn, nearest = resolved["seam"]
     assert sewn["from"] == {"garment": "cape", "vertices": [3, 2]} and sewn["to"] == {"garment": "coat", "vertices": [0, 1]}
     assert (sewn["strength"], sewn["start"], sewn["closed"]) == ("321.5 N/m", "-0.5 s", "1.25 s")
+    assert (sewn["opens"], sewn["opened"], sewn["zip"]) == ("2 s", "2.5 s", True) and "opens" not in nearest and not nearest["zip"]
     assert nearest["pairing"] == "nearest"
     assert [(rule["between"], rule["ignore"]) for rule in resolved["contact"]] == [(["garment.coat", "body.floor"], True)]
     assert {"seams", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}

@@ -264,6 +264,13 @@ class Collected:
         if seam.own_closing and seam.closed < seam.start:
             self.say(f"{what} is closed at frame {seam.closed}, before it starts to close at frame {seam.start}",
                      "choose a later frame, or the same one for a seam that closes at once", thing)
+        if seam.own_opening and seam.opened < seam.opens:
+            self.say(f"{what} is open at frame {seam.opened}, before it starts to open at frame {seam.opens}",
+                     "choose a later frame, or the same one for a button that opens at once", thing)
+        if seam.own_opening and seam.own_closing and seam.opens < seam.closed:
+            self.say(f"{what} opens at frame {seam.opens}, before it is closed at frame {seam.closed}", "let it open later", thing)
+        if seam.zip and seam.pairing == "NEAREST":
+            self.say(f"{what} is a zip, and nearest pairs have no order", "choose Pairs: Along the Edges", thing)
 
     def look_at_levels(self, thing):
         for modifier in list(thing.modifiers)[: division(thing)]:
@@ -363,9 +370,13 @@ class Collected:
     def seam(self, thing, seam, first, rate):
         sides = (thing, seam.group), (seam.other, seam.other_group)
         nearest = seam.pairing == "NEAREST"
-        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "nearest": nearest})
-        times = [float((frame - first) / rate) for frame in (seam.start, seam.closed)] if seam.own_closing else [None, None]
-        return Seam(tuple(plain_name(side.name) for side, _ in sides), nearest, seam.stiffness, *times)
+        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "nearest": nearest, "zip": seam.zip})
+
+        def seconds(written, *frames):
+            return [float((frame - first) / rate) if written else None for frame in frames]
+
+        times = seconds(seam.own_closing, seam.start, seam.closed) + seconds(seam.own_opening, seam.opens, seam.opened)
+        return Seam(tuple(plain_name(side.name) for side, _ in sides), nearest, seam.stiffness, *times, seam.zip)
 
     def render_mesh(self, mesh, name, rigid):
         # As of a garment: deforming modifiers at the top shape it at rest, all others follow.

@@ -329,8 +329,16 @@ class Export:
         chosen = [self.sewn(thing, group) for thing, group in sides]
         if None in chosen:
             return
-        pair = self.nearest if seam["nearest"] else self.along_edges
-        self.seams.append(pair(sides, chosen))
+        if seam["nearest"]:
+            self.seams.append(self.nearest(sides, chosen))
+            return
+        pairs = self.along_edges(sides, chosen)
+        if pairs and seam["zip"]:
+            places, vertices = places_of(sides[0][0]), pairs[0]
+            if vertices and places[vertices[-1]][2] < places[vertices[0]][2]:
+                # A zip closes from its lower end.
+                pairs = [side[::-1] for side in pairs]
+        self.seams.append(pairs)
 
     def sewn(self, thing, group):
         """The vertices of one side; None, with a problem, where there are none."""

@@ -169,6 +169,12 @@ class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
                 row = box.row(align=True)
                 row.prop(seam, "start")
                 row.prop(seam, "closed")
+            box.prop(seam, "own_opening")
+            if seam.own_opening:
+                row = box.row(align=True)
+                row.prop(seam, "opens")
+                row.prop(seam, "opened")
+            box.prop(seam, "zip")
         for other in marked(context.scene, role="GARMENT"):
             for seam in other.drapery.seams:
                 if seam.other == thing != other:

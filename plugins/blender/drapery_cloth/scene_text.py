@@ -109,6 +109,9 @@ class Seam:
     stiffness: float
     start: float | None = None
     closed: float | None = None
+    opens: float | None = None
+    opened: float | None = None
+    zip: bool = False
 
 
 @dataclass
@@ -301,6 +304,10 @@ def seam_lines(seam, vertices):
     lines.append(f'strength = "{number(seam.stiffness)} N/m"')
     if seam.start is not None:
         lines += [f'start = "{seam.start:.9g} s"', f'closed = "{seam.closed:.9g} s"']
+    if seam.opens is not None:
+        lines += [f'opens = "{seam.opens:.9g} s"', f'opened = "{seam.opened:.9g} s"']
+    if seam.zip:
+        lines.append("zip = true")
     return [*lines, ""]
 
 

@@ -136,6 +136,12 @@ class DraperySeam(bpy.types.PropertyGroup):
     start: IntProperty(name="From", default=1, description="Frame at which the gaps begin to close; before the first frame is the pre-roll")
     closed: IntProperty(name="Closed At", default=25, description="Frame from which the gaps are closed; the same as the one before closes "
                         "them at once")
+    own_opening: BoolProperty(name="Opening Frames", description="The seam opens again: a button, a hook, a zip. Off: it stays closed")
+    opens: IntProperty(name="From", default=50, description="Frame at which the seam begins to open, after it has closed")
+    opened: IntProperty(name="Open At", default=50, description="Frame from which the seam is open; the same as the one before opens it "
+                        "at once")
+    zip: BoolProperty(name="Zip", description="Closes one pair after the other, from the lower end of its line to the upper one, and opens "
+                      "from the upper end. Needs Pairs: Along the Edges")
 
 
 @overridable
