@@ -90,7 +90,9 @@ mod tests {
             ("removed this file", |path| fs::remove_file(path).unwrap()),
             ("truncated this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
         ];
-        for extension in FORMATS.iter().filter(|format| format.create.is_some()).map(|format| format.extension) {
+        // Those that a run writes; a conversion puts a whole file in its place.
+        let written = FORMATS.iter().filter(|format| format.create.is_some() && format.resume.is_some());
+        for extension in written.map(|format| format.extension) {
             for (when, step) in steps {
                 for (what, harm) in harms {
                     let folder = tempfile::tempdir().unwrap();

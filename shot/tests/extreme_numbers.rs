@@ -116,6 +116,8 @@ damping_ratio = 1.0
 rest_gap = 0.0
 start = 0.0
 closed = 1.0
+opens = 2.0
+opened = 3.0
 "#;
 
 /// Membranes that stiffen, angles and folds, in long steps.

@@ -14,6 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 use drapery_io::error::IoError;
+use drapery_shot::fault::{Fault, FaultKind};
 use drapery_shot::run_record::folder::RunFolder;
 use serde::Serialize;
 
@@ -50,6 +51,19 @@ pub enum ViewError {
          help: look at the run itself: drapery view, without --page", .0 / 1_000_000, LARGEST_PAGE / 1_000_000
     )]
     TooLarge(usize),
+}
+
+impl From<ViewError> for Fault {
+    fn from(error: ViewError) -> Self {
+        let kind = match error {
+            ViewError::Run(error) => return error.into(),
+            ViewError::Unknown => FaultKind::Internal,
+            ViewError::NoLibrary | ViewError::TooLarge(_) => FaultKind::Usage,
+            ViewError::NoPage(_) => FaultKind::CannotCreate,
+            ViewError::NoFrames(_) => FaultKind::MissingInput,
+        };
+        Self::new(kind, error.to_string())
+    }
 }
 
 /// Quantities of an object at a frame.

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use drapery_analysis::view::{self, Answer, ViewError, Viewer};
-use drapery_shot::fault::FaultKind;
+use drapery_shot::fault::Fault;
 use oxhttp::model::header::{CACHE_CONTROL, CONTENT_TYPE, HOST};
 use oxhttp::model::{Body, Method, Request, Response, StatusCode};
 use oxhttp::{ListeningServer, Server};
@@ -120,10 +120,10 @@ impl From<ViewError> for Failure {
     fn from(error: ViewError) -> Self {
         match error {
             ViewError::Run(error) => error.into(),
-            ViewError::Unknown => Self::new(FaultKind::Internal.into(), error.to_string()),
-            ViewError::NoLibrary | ViewError::TooLarge(_) => Self::new(ExitCode::Usage, error.to_string()),
-            ViewError::NoPage(_) => Self::new(ExitCode::CannotCreate, error.to_string()),
-            ViewError::NoFrames(_) => Self::new(FaultKind::MissingInput.into(), error.to_string()),
+            other => {
+                let Fault { kind, message, .. } = other.into();
+                Self::new(kind.into(), message)
+            }
         }
     }
 }

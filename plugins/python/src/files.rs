@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use drapery_analysis::{diff, report};
+use drapery_analysis::comparison::Comparison;
+use drapery_analysis::{diff, report, view};
 use drapery_io::convert::{Conversion, Converted, convert};
 use drapery_io::formats;
 use pyo3::prelude::*;
@@ -65,6 +66,24 @@ pub(crate) fn diff_results(py: Python<'_>, a: PathBuf, b: PathBuf, tolerance: f6
 #[pyfunction(name = "report")]
 pub(crate) fn write_report(py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf> {
     on_thread(py, |_| Ok(report::write(&folder)?))
+}
+
+/// Writes the page that compares runs, and its table beside it.
+#[pyfunction]
+pub(crate) fn compare(py: Python<'_>, folders: Vec<PathBuf>, page: PathBuf) -> PyResult<()> {
+    on_thread(py, |_| {
+        Comparison::of(&folders)?.write(&page)?;
+        Ok(())
+    })
+}
+
+/// Writes a page with the frames of a run; the number of frames in it, and in the run.
+#[pyfunction(name = "view")]
+pub(crate) fn write_view(py: Python<'_>, folder: PathBuf, page: PathBuf) -> PyResult<(usize, usize)> {
+    on_thread(py, |_| {
+        let written = view::write_page(&folder, &page)?;
+        Ok((written.frames, written.of))
+    })
 }
 
 /// Content of a mesh or cache file, as JSON.

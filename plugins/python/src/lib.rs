@@ -59,6 +59,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::convert_cache, module)?)?;
     module.add_function(wrap_pyfunction!(files::diff_results, module)?)?;
     module.add_function(wrap_pyfunction!(files::write_report, module)?)?;
+    module.add_function(wrap_pyfunction!(files::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(files::write_view, module)?)?;
     module.add_function(wrap_pyfunction!(files::info, module)?)?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<scene::Shot>()?;

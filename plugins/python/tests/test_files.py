@@ -124,6 +124,21 @@ def test_a_run_has_a_report_and_a_short_repr(tmp_path: Path) -> None:
     assert len(frame.counts) > 5 and "counts" not in repr(frame) and f"steps={frame.steps}" in repr(frame) and len(repr(frame)) < 250
 
 
+def test_runs_have_a_page_side_by_side_and_one_that_plays_them(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        drapery.Scene.parse(SHEET).shot().run(tmp_path / name)
+    page = drapery.compare([tmp_path / "a", tmp_path / "b"], tmp_path / "both.html")
+    assert "2 of 2 done" in page.read_text() and (tmp_path / "both.csv").read_text().count("\n") == 3
+    played = drapery.view(tmp_path / "a", tmp_path / "a.html").read_text()
+    assert "three.js" in played and len(played) > 500_000
+    with pytest.raises(drapery.InputError):
+        drapery.compare([tmp_path / "a", tmp_path / "none"], tmp_path / "none.html")
+    with pytest.raises(drapery.InputError):
+        drapery.view(tmp_path / "none", tmp_path / "none.html")
+    with pytest.raises(drapery.OutputError):
+        drapery.view(tmp_path / "a", tmp_path / "both.csv")
+
+
 def test_a_scene_is_read_with_what_was_set_in_it() -> None:
     made = drapery.Scene.parse(SHEET)
     made.set("resolution", 6)

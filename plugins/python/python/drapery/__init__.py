@@ -33,10 +33,12 @@ from ._files import (
     FrameDistance,
     MeshInfo,
     WorstVertex,
+    compare,
     convert,
     diff,
     info,
     report,
+    view,
 )
 from ._native import State, __version__, set_threads
 from ._scene import Frame, Plan, Progress, Report, Scene, SceneWarning, Shot, Simulation
@@ -78,6 +80,7 @@ __all__ = [
     "Verification",
     "WorstVertex",
     "__version__",
+    "compare",
     "convert",
     "diff",
     "info",
@@ -88,6 +91,7 @@ __all__ = [
     "set_threads",
     "study",
     "verify",
+    "view",
 ]
 
 # What to do with messages is for the program to say.

@@ -6,6 +6,7 @@ import json
 import logging
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -199,6 +200,24 @@ def report(folder: PathLike) -> Path:
     Raises InputError if the folder holds no run, OutputError if the page cannot be written.
     """
     return _native.report(os.fspath(folder))
+
+
+def compare(folders: Iterable[PathLike], page: PathLike = "comparison.html") -> Path:
+    """Writes a page with runs side by side, as ``drapery report A B`` does, and its table beside it as CSV; returns the page's path.
+
+    Raises InputError if a folder holds no run, OutputError if a file cannot be written.
+    """
+    _native.compare([os.fspath(folder) for folder in folders], os.fspath(page))
+    return Path(page)
+
+
+def view(folder: PathLike, page: PathLike) -> Path:
+    """Writes a page that plays the frames of a run in a browser, as ``drapery view --page`` does; returns its path.
+
+    Raises InputError if the folder holds no run or no frame, OutputError if another file has this name.
+    """
+    _native.view(os.fspath(folder), os.fspath(page))
+    return Path(page)
 
 
 @dataclass(frozen=True)
