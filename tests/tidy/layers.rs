@@ -114,15 +114,15 @@ const SHOT_ROOMS: [&str; 25] = [
 const ANALYSIS_ROOMS: [&str; 12] = [
     "page",
     "drawn",
-    "contact_sheet",
     "local_run",
     "bits",
     "verify",
     "diff",
+    "contact_sheet",
     "report",
     "view",
-    "comparison",
     "wedge",
+    "comparison",
     "study",
 ];
 
