@@ -201,7 +201,7 @@ def test_a_rank_that_stands_still_is_lost_and_the_others_end(whole, tmp_path, re
     wait_until(lambda: not any(map(running, found.values())), "a rank is still there")
     # Rank 0 writes why; where it is the one that is lost, nobody else does, and the process is seen to be gone.
     if lost == 0:
-        assert status(out)["state"] == "running" and status(out)["process"]["presence"] == "gone"
+        assert status(out)["state"] == "killed" and status(out)["process"]["presence"] == "gone"
     else:
         assert status(out)["state"] == "failed" and f"rank {lost} of 3" in status(out)["error"]
     Ranks(LONG, 2).run(out, "--checkpoint-every", "2f")
