@@ -107,10 +107,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     }
     resolver.contacts();
     resolver.effects();
-    resolver.formats();
-    resolver.attributes();
-    resolver.shutter();
-    resolver.single_layer();
+    resolver.output();
     let check = resolver.check_description();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
@@ -178,6 +175,14 @@ fn output(scene: &SceneFile) -> OutputDescription {
 }
 
 impl Resolver<'_> {
+    /// Checks what is to be written.
+    fn output(&mut self) {
+        self.formats();
+        self.attributes();
+        self.shutter();
+        self.single_layer();
+    }
+
     /// Records a problem at a path.
     pub(super) fn error(&mut self, path: &Path, message: impl Into<String>) {
         self.errors.push(self.scene.sources.error(&path.place(&self.scene.root), message, None));
