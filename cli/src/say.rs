@@ -16,9 +16,9 @@ pub(crate) fn line(text: impl Display) {
     note_loss(STANDARD_OUTPUT, writeln!(std::io::stdout().lock(), "{}", visible(&text.to_string())));
 }
 
-/// A line on standard error.
+/// A line on standard error. It is written as a whole: ranks that lose the same one complain into one file at the same time.
 pub(crate) fn complaint(text: impl Display) {
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = std::io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
 
 /// A text without what a terminal would obey: names come from files, and files from strangers.
