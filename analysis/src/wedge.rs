@@ -5,6 +5,8 @@ use std::fmt::Write;
 
 use sha2::{Digest, Sha256};
 
+use crate::study::vary::combinations;
+
 /// Characters of a folder's name, beyond which it is cut and gets a digest of the whole name.
 const LONGEST_NAME: usize = 120;
 
@@ -34,15 +36,10 @@ pub fn runs(vary: &[(String, Vec<String>)]) -> Result<Vec<WedgeRun>, String> {
         }
     }
     let short = short_keys(vary);
-    let mut rows: Vec<Vec<(usize, &String)>> = vec![Vec::new()];
-    for (index, (_, values)) in vary.iter().enumerate() {
-        let changes = || values.iter().map(|value| (index, value));
-        rows = rows.iter().flat_map(|row| changes().map(move |change| [&row[..], &[change]].concat())).collect();
-    }
     let mut names = BTreeSet::new();
-    let mut runs = Vec::with_capacity(rows.len());
-    for row in rows {
-        let words: Vec<String> = row.iter().map(|(index, value)| format!("{}={value}", short[*index])).collect();
+    let mut runs = Vec::new();
+    for row in combinations(vary) {
+        let words: Vec<String> = row.iter().zip(&short).map(|((_, value), key)| format!("{key}={value}")).collect();
         let whole = words.join(",");
         let mut name = file_name(&whole);
         // Two values may differ only in characters that a folder's name cannot hold.
@@ -50,7 +47,7 @@ pub fn runs(vary: &[(String, Vec<String>)]) -> Result<Vec<WedgeRun>, String> {
             name = format!("{}-{}", name.chars().take(LONGEST_NAME).collect::<String>(), digest(&whole));
             names.insert(name.to_lowercase());
         }
-        let settings = row.iter().map(|(index, value)| (vary[*index].0.clone(), (*value).clone())).collect();
+        let settings = row.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
         runs.push(WedgeRun { name, settings });
     }
     Ok(runs)

@@ -134,7 +134,7 @@ impl StoredValues {
             .filter_map(|(name, values)| Some((name, values?)))
     }
 
-    /// As they are written.
+    /// The values in the form in which they are written.
     pub fn values(&self) -> PointValues<'_> {
         PointValues {
             strain: self.strain.as_deref().unwrap_or_default(),

@@ -121,9 +121,9 @@ const ANALYSIS_ROOMS: [&str; 12] = [
     "contact_sheet",
     "report",
     "view",
+    "study",
     "wedge",
     "comparison",
-    "study",
 ];
 
 /// A crate whose rooms are held.

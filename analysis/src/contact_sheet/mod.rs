@@ -188,7 +188,7 @@ fn draw(casts: &[Cast], frames: &[i64]) -> Vec<Vec<Option<Png>>> {
     casts.iter().zip(&poses).map(of_cast).collect()
 }
 
-/// As many pictures as are small enough together, evenly spread.
+/// Pictures, evenly spread, that are small enough together.
 fn within_budget(pictures: Vec<(i64, Png)>) -> Vec<(i64, Png)> {
     let indices: Vec<i64> = (0..pictures.len() as i64).collect();
     let size =

@@ -7,7 +7,7 @@ use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
 use crate::study::vary::{
     BODY_FRAMES, BaseSettings, CFL, Change, FRICTION, INTEGRATOR, LONG_STEPS, MAX_DT, RANKS, RESOLUTION, SHORT_STEPS,
-    STEPS_PER_FRAME, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
+    STEPS_PER_FRAME, THICKNESS, THREADS, WITHOUT, as_is, changed, combinations, role_of, rough_times,
 };
 
 /// Factors by which the reference may be finer in time than the scene; the finest that there is time for is taken.
@@ -275,12 +275,7 @@ fn rows(asked: &Asked) -> Vec<Vec<Change<'_>>> {
             .flat_map(|(name, values)| values.iter().map(|value| vec![(&**name, &**value)]))
             .collect();
     }
-    let mut rows: Vec<Vec<Change<'_>>> = vec![Vec::new()];
-    for (name, values) in &asked.vary {
-        let changes = || values.iter().map(|value| (&**name, &**value));
-        rows = rows.iter().flat_map(|row| changes().map(move |change| [&row[..], &[change]].concat())).collect();
-    }
-    rows
+    combinations(&asked.vary)
 }
 
 /// Combinations in which every value of every name occurs as often as any other of that name, or once more (Latin

@@ -101,7 +101,7 @@ pub(crate) struct BaseSettings {
 }
 
 /// A name and the value that it gets.
-pub(super) type Change<'a> = (&'a str, &'a str);
+pub(crate) type Change<'a> = (&'a str, &'a str);
 
 impl BaseSettings {
     /// The integrator of the scene with these changes.
@@ -206,6 +206,16 @@ pub fn parse_values(text: &str) -> Result<(String, Vec<String>), String> {
         _ if values.iter().any(String::is_empty) => Err(wrong()),
         name => Ok((name.to_owned(), values)),
     }
+}
+
+/// Every combination of the values, the last name varying fastest; each has the names in their order.
+pub(crate) fn combinations(vary: &[(String, Vec<String>)]) -> Vec<Vec<Change<'_>>> {
+    let mut rows: Vec<Vec<Change<'_>>> = vec![Vec::new()];
+    for (name, values) in vary {
+        let changes = || values.iter().map(|value| (&**name, &**value));
+        rows = rows.iter().flat_map(|row| changes().map(move |change| [&row[..], &[change]].concat())).collect();
+    }
+    rows
 }
 
 /// The scene as it is.

@@ -90,10 +90,13 @@ impl NewForm<'_> {
             let faces = &frames.meshes[0].faces;
             let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
             let normals = if self.plan.normals { of_points() } else { Vec::new() };
-            let stored = frames.samples.frame(0, sample)?.values;
+            let asked = [self.plan.attributes.strain, self.plan.attributes.contact];
+            let stored = match asked {
+                [false, false] => StoredValues::default(),
+                _ => frames.samples.frame(0, sample)?.values,
+            };
             let of_points = strain.has_strain().then(|| strain.strain(positions, self.plan.units.length.metres()));
             let values = StoredValues { strain: of_points.or(stored.strain), contact: stored.contact };
-            let asked = [self.plan.attributes.strain, self.plan.attributes.contact];
             for (_, name) in asked.into_iter().zip(["strain", "contact"]).filter(|(is_asked, _)| *is_asked) {
                 if !values.named().any(|(held, _)| held == name) {
                     return Err(lacks(format!("it holds no {name}")));
