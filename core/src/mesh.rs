@@ -173,6 +173,8 @@ pub struct TriangleMesh {
     rest_positions: Vec<Vec3>,
     rest_areas: Vec<f64>,
     edge_areas: Vec<f64>,
+    /// Rest positions before they were scaled [m], if they are.
+    modelled: Option<Vec<Vec3>>,
 }
 
 impl TriangleMesh {
@@ -204,6 +206,7 @@ impl TriangleMesh {
             rest_positions,
             rest_areas,
             edge_areas: Vec::new(),
+            modelled: None,
         };
         for group in sides.chunk_by(|a, b| a.0 == b.0) {
             let edge = built.edges.len() as u32;
@@ -243,6 +246,23 @@ impl TriangleMesh {
     /// Rest positions [m].
     pub fn rest_positions(&self) -> &[Vec3] {
         &self.rest_positions
+    }
+
+    /// Rest positions before they were scaled [m].
+    pub(crate) fn modelled_positions(&self) -> &[Vec3] {
+        self.modelled.as_deref().unwrap_or(&self.rest_positions)
+    }
+
+    /// The same mesh with `scale` times the lengths at rest that were modelled, whatever it had before.
+    pub(crate) fn scaled(self, scale: f64) -> Self {
+        if scale == 1.0 && self.modelled.is_none() {
+            return self;
+        }
+        let Self { triangles, polygons, rest_positions, modelled, .. } = self;
+        let modelled = modelled.unwrap_or(rest_positions);
+        let scaled = modelled.iter().map(|place| place * scale).collect();
+        let modelled = (scale != 1.0).then_some(modelled);
+        Self { modelled, ..Self::of_triangles(scaled, triangles, polygons) }
     }
 
     /// Rest area of each triangle [m²].

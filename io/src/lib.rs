@@ -21,6 +21,7 @@
 
 pub mod atomic_file;
 pub mod attributes;
+mod belt;
 pub mod cache;
 pub mod cache_frames;
 pub mod checkpoint;

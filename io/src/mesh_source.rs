@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 
+use crate::belt::BeltReader;
 use crate::error::IoError;
 use crate::formats;
 use crate::memory_mesh::{MemoryMesh, MemoryReader};
 use crate::mesh_data::{Connectivity, MeshData, MeshReader};
-use crate::units::{InputUnits, StatedUnits};
+use crate::units::{InputUnits, StatedUnits, Units};
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
 const SAME_SAMPLE: f64 = 1e-3;
@@ -53,6 +54,17 @@ impl MeshSource {
     pub fn in_memory(mesh: &Arc<MemoryMesh>, units: impl Into<InputUnits>) -> Self {
         let (reader, memory) = (Box::new(MemoryReader(mesh.clone())), Some(mesh.clone()));
         Self { path: PathBuf::from(mesh.name()), units: units.into(), reader, memory }
+    }
+
+    /// Another mesh, in metres with Y up, that follows this one.
+    pub(crate) fn followed_by(self, reader: impl FnOnce(Self) -> Result<BeltReader, String>) -> Result<Self, String> {
+        let path = self.path.clone();
+        Ok(Self { path, units: Units::SI.into(), reader: Box::new(reader(self)?), memory: None })
+    }
+
+    /// Frames per second that the file says it was made for.
+    pub(crate) fn stated_frame_rate(&self) -> Option<f64> {
+        self.reader.frame_rate()
     }
 
     /// [`MeshSource::open`] for a file that may state its units itself; `choose` is given what it states, `None` for formats
@@ -241,7 +253,7 @@ impl MeshSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::{LengthUnit, Units, UpAxis};
+    use crate::units::{LengthUnit, UpAxis};
 
     #[test]
     fn an_obj_in_centimetres_with_z_up_arrives_in_metres_with_y_up() {

@@ -4,8 +4,10 @@ use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{
-    BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, Scene, SceneDescription,
+    BodyShape, EffectRequest, ElasticDescription, FacePoint, GarmentDescription, Integrator, RigidMotion, Scene,
+    SceneDescription, SeamDescription,
 };
 use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, Simulation};
@@ -95,46 +97,147 @@ fn friction_that_goes_away_lets_cloth_slide_from_that_frame_on() {
     }
 }
 
+/// Positions of all garments.
+fn everything(simulation: &Simulation) -> Vec<Vec<Vec3>> {
+    let garments = 0..simulation.scene().description().garments.len();
+    let of = |garment| {
+        let mut x = Vec::new();
+        simulation.garment_positions(garment, &mut x);
+        x
+    };
+    garments.map(of).collect()
+}
+
+/// Eight frames have the same bits after a pause and on any ranks; returns them.
+fn keeps_its_bits(description: &SceneDescription) -> Vec<Vec<Vec3>> {
+    let integrator = description.solver.integrator;
+    let whole = {
+        let mut simulation = start_of(description);
+        run(&mut simulation, 8);
+        everything(&simulation)
+    };
+    for pause in [1, 3, 7] {
+        let mut simulation = start_of(description);
+        run(&mut simulation, pause);
+        let scene = Scene::validate(description.clone()).unwrap_or_else(|p| panic!("{p}"));
+        let (snapshot, input) = (simulation.snapshot(), FrameInput::to_frame(pause as i64));
+        let mut restored = Simulation::restore(scene, &input, &snapshot).unwrap_or_else(|e| panic!("{e}"));
+        run(&mut restored, 8 - pause);
+        assert!(everything(&restored) == whole, "{integrator:?}, after a pause at frame {pause}");
+    }
+    for ranks in [2, 3] {
+        let description = description.clone();
+        let on_rank = move |communicator| {
+            let ranks = Ranks::new(communicator);
+            let given = ranks.is_first().then(|| description.clone());
+            let scene = Scene::distribute(&ranks, given).unwrap_or_else(|p| panic!("{p}"));
+            let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
+            run(&mut simulation, 8);
+            everything(&simulation)
+        };
+        let all = LocalRanks::run(ranks, 1, on_rank).expect("no rank ends early");
+        assert!(all[0] == whole, "{integrator:?} on {ranks} ranks");
+    }
+    whole
+}
+
 #[test]
 fn curves_have_the_same_bits_after_a_pause_and_on_any_ranks() {
     for integrator in Integrator::ALL {
         let description = draped(integrator);
-        let whole = {
+        let mut plain = description.clone();
+        plain.curves.clear();
+        let mut simulation = start_of(&plain);
+        run(&mut simulation, 8);
+        assert!(keeps_its_bits(&description) != everything(&simulation), "{integrator:?}: the curves change nothing");
+    }
+}
+
+/// The draped sheet shrinks and keeps its sharp folds, with an elastic band along one edge and a density painted by frame; a patch is
+/// sewn to its faces, with a force at which stitches break that becomes smaller than its weight.
+fn with_all_that_changes(integrator: Integrator) -> SceneDescription {
+    let mut description = draped(integrator);
+    let (columns, points) = (17, 17 * 17);
+    let map =
+        |value: f64| PaintedMap { values: (0..points).map(|p| value + 0.01 * p as f64).collect(), absolute: false };
+    let sheet_of = &mut description.garments[0];
+    sheet_of.map_curves.insert("density".into(), vec![(1.0, map(1.0)), (5.0, map(0.5))]);
+    let vertices = (0..columns).collect();
+    description.elastics.push(ElasticDescription { rest_scale: 0.9, ..ElasticDescription::new(0, vertices, 2.0) });
+    description.effects.push(EffectRequest::of_scene("elastic"));
+    description.effects.push(EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.2));
+    let mut patch = GarmentDescription::new("patch", sheet(3, 3, 0.025), 0.3);
+    patch.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.003, 0.215, 0.004));
+    patch.thickness = 0.002;
+    description.garments.push(patch);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 300.0));
+    let faces = (0..4).map(|k| {
+        let corner = (8 + k) + columns * 8;
+        FacePoint { vertex: k, corners: [corner, corner + columns, corner + 1], weights: [0.5, 0.25, 0.25] }
+    });
+    let seam = SeamDescription::new([1, 0], Vec::new(), 50.0);
+    let faces = faces.collect();
+    description.seams.push(SeamDescription { faces, keeps_gap: true, break_force: Some(10.0), ..seam });
+    description.effects.push(EffectRequest::of_scene("seams"));
+    for (path, curve) in [
+        ("garment.sheet.rest_scale", vec![(1.0, number(1.0)), (6.0, number(0.93))]),
+        ("garment.sheet.elastic.0.rest_scale", vec![(2.0, number(0.9)), (4.0, number(0.7))]),
+        ("seam.0.break_force", vec![(2.0, number(10.0)), (4.0, number(1e-3))]),
+        ("garment.patch.thickness", vec![(0.0, number(0.002)), (8.0, number(0.001))]),
+    ] {
+        description.curves.insert(path.to_owned(), curve);
+    }
+    description
+}
+
+#[test]
+fn all_that_changes_has_the_same_bits_after_a_pause_and_on_any_ranks() {
+    for integrator in Integrator::ALL {
+        let description = with_all_that_changes(integrator);
+        let mut simulation = start_of(&description);
+        let broken = run(&mut simulation, 8).metrics.counted("stitches_broken");
+        let all: u64 = {
             let mut simulation = start_of(&description);
-            run(&mut simulation, 8);
-            positions(&simulation)
+            (0..8).map(|_| run(&mut simulation, 1).metrics.counted("stitches_broken")).sum()
         };
-        let plain = {
-            let mut plain = description.clone();
-            plain.curves.clear();
-            let mut simulation = start_of(&plain);
-            run(&mut simulation, 8);
-            positions(&simulation)
-        };
-        assert_ne!(whole, plain, "{integrator:?}: the curves change nothing");
-        for pause in [1, 3, 7] {
-            let mut simulation = start_of(&description);
-            run(&mut simulation, pause);
-            let scene = Scene::validate(description.clone()).unwrap_or_else(|p| panic!("{p}"));
-            let (snapshot, input) = (simulation.snapshot(), FrameInput::to_frame(pause as i64));
-            let mut restored = Simulation::restore(scene, &input, &snapshot).unwrap_or_else(|e| panic!("{e}"));
-            run(&mut restored, 8 - pause);
-            assert_eq!(positions(&restored), whole, "{integrator:?}, after a pause at frame {pause}");
-        }
-        for ranks in [2, 3] {
-            let description = description.clone();
-            let on_rank = move |communicator| {
-                let ranks = Ranks::new(communicator);
-                let given = ranks.is_first().then(|| description.clone());
-                let scene = Scene::distribute(&ranks, given).unwrap_or_else(|p| panic!("{p}"));
-                let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
-                run(&mut simulation, 8);
-                positions(&simulation)
-            };
-            let all = LocalRanks::run(ranks, 1, on_rank).expect("no rank ends early");
-            assert_eq!(all[0], whole, "{integrator:?} on {ranks} ranks");
+        assert!(all > 0 && broken <= all, "{integrator:?}: no stitch breaks");
+        assert!(keeps_its_bits(&description) == everything(&simulation), "{integrator:?}");
+        for left_out in ["elastic", "density", "rest_scale", "plastic_wrinkles"] {
+            let mut without = description.clone();
+            match left_out {
+                "elastic" => {
+                    without.elastics.clear();
+                    without.effects.retain(|effect| effect.effect != "elastic");
+                    without.curves.retain(|path, _| !path.contains("elastic"));
+                }
+                "plastic_wrinkles" => without.effects.retain(|effect| effect.effect != "plastic_wrinkles"),
+                "density" => without.garments[0].map_curves.clear(),
+                _ => drop(without.curves.remove("garment.sheet.rest_scale")),
+            }
+            let mut other = start_of(&without);
+            run(&mut other, 8);
+            assert!(everything(&other) != everything(&simulation), "{integrator:?}: {left_out} changes nothing");
         }
     }
+}
+
+#[test]
+fn a_map_by_frame_is_straight_between_its_keys() {
+    let mut description = scene_of(GarmentDescription::new("sheet", sheet(2, 2, 0.1), 0.2), 24);
+    let map = |value: f64| PaintedMap { values: vec![value; 9], absolute: false };
+    let keys = vec![(2.0, map(1.0)), (6.0, map(3.0))];
+    description.garments[0].map_curves.insert("density".into(), keys);
+    let mut simulation = start(description.clone());
+    for frame in 1..=8 {
+        run(&mut simulation, 1);
+        let share = ((f64::from(frame) - 2.0) / 4.0).clamp(0.0, 1.0);
+        let found: f64 = simulation.scene().masses().iter().sum();
+        let expected = 0.2 * 0.04 * (1.0 + 2.0 * share);
+        assert!((found - expected).abs() < 1e-15, "frame {frame}: {found} kg for {expected} kg");
+    }
+    description.garments[0].map_curves.insert("density".into(), vec![(3.0, map(1.0)), (3.0, map(2.0))]);
+    let refused = Scene::validate(description).unwrap_err().to_string();
+    assert!(refused.contains("map of density over time: frame 3 comes after frame 3"), "{refused}");
 }
 
 #[test]

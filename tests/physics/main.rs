@@ -5,6 +5,7 @@ mod bending;
 mod curves;
 mod determinism;
 mod drag;
+mod elastic;
 mod fit;
 mod free_motion;
 mod friction;

@@ -1,11 +1,12 @@
 //! Seams: how they close, and what they keep.
 
 use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
-    SeamDescription,
+    EffectRequest, FacePoint, GarmentDescription, Integrator, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
+    SceneDescription, SeamDescription,
 };
-use drapery_core::simulation::Simulation;
+use drapery_core::simulation::{BrokenHold, HoldOwner, Simulation};
 use drapery_tests::*;
 
 /// Cells of each sheet along the seam.
@@ -189,4 +190,115 @@ fn seams_that_open_too_early_are_refused() {
     assert!(refusal(Some(0.3), None).contains("it opens at 0.3 s, before it is closed at 0.5 s"));
     assert!(refusal(Some(0.9), Some(0.8)).contains("before it starts to open"));
     assert!(refusal(None, Some(0.8)).contains("without `opens`"));
+}
+
+/// A weight, a small triangle of 20 g, that hangs by one corner from the middle of a held face.
+fn weight_on_a_face(integrator: Integrator, break_force: f64) -> SceneDescription {
+    let face = vec![Vec3::zeros(), Vec3::new(0.3, 0.0, 0.0), Vec3::new(0.0, 0.0, 0.3)];
+    let mesh = PolygonMesh::from_triangles(face, &[[0, 2, 1]]);
+    let mut description = scene_of(GarmentDescription::new("held", mesh, 0.2), 100);
+    set_steps_of_a_frame(&mut description, integrator, 4);
+    let at = Vec3::new(0.1, -0.004, 0.05);
+    let corners = [Vec3::zeros(), Vec3::new(0.01, -0.02, 0.0), Vec3::new(-0.01, -0.02, 0.0)];
+    let mesh = PolygonMesh::from_triangles(corners.map(|corner| at + corner).into(), &[[0, 1, 2]]);
+    let weight = GarmentDescription { mass: Mass::UniformTotal(0.02), ..GarmentDescription::new("weight", mesh, 0.2) };
+    description.garments.push(weight);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("spring_stiffness", 100.0));
+    let target = PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0, 1, 2], offsets: Vec::new() };
+    let (from, until) = (f64::NEG_INFINITY, f64::INFINITY);
+    description.pins.push(PinDescription { garment: 0, target, axes: [true; 3], from, until, hold: PinHold::Hard });
+    description.effects.push(EffectRequest::of_scene("pins"));
+    let faces = vec![FacePoint { vertex: 0, corners: [0, 1, 2], weights: [0.5, 1.0 / 3.0, 1.0 / 6.0] }];
+    let seam = SeamDescription::new([1, 0], Vec::new(), 200.0);
+    description.seams.push(SeamDescription { faces, keeps_gap: true, break_force: Some(break_force), ..seam });
+    description.effects.push(EffectRequest::of_scene("seams"));
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    description
+}
+
+#[test]
+fn a_weight_hangs_from_the_point_of_a_face_that_it_is_sewn_to() {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut simulation = start(weight_on_a_face(integrator, 1.0));
+        run(&mut simulation, 400);
+        let mut x = Vec::new();
+        simulation.garment_positions(1, &mut x);
+        // The gap of 4 mm, and the spring strained by the weight: m g / k.
+        let expected = Vec3::new(0.1, -0.004 - 0.02 * 9.81 / 200.0, 0.05);
+        assert!((x[0] - expected).norm() < 1e-6, "{integrator:?}: {:?} for {expected:?}", x[0]);
+    }
+}
+
+#[test]
+fn a_stitch_breaks_at_its_force_and_the_weight_falls_freely() {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        // A weight that is let go pulls with at most twice its force.
+        let mut simulation = start(weight_on_a_face(integrator, 0.41));
+        assert!((0..100).all(|_| run(&mut simulation, 1).broken.is_empty()), "{integrator:?}");
+        let mut simulation = start(weight_on_a_face(integrator, 0.15));
+        let broken: Vec<_> = (0..20).flat_map(|_| run(&mut simulation, 1).broken).collect();
+        let expected = BrokenHold { garment: "weight".into(), vertex: 0, of: HoldOwner::Seam(0) };
+        assert_eq!(broken, [expected], "{integrator:?}");
+        let centre = |simulation: &Simulation| {
+            let mut x = Vec::new();
+            simulation.garment_positions(1, &mut x);
+            x.iter().map(|place| place.y).sum::<f64>() / 3.0
+        };
+        let fallen = [(); 3].map(|()| {
+            run(&mut simulation, 1);
+            centre(&simulation)
+        });
+        let acceleration = (fallen[2] - 2.0 * fallen[1] + fallen[0]) / 0.01_f64.powi(2);
+        assert!((acceleration + 9.81).abs() < 1e-6, "{integrator:?}: {acceleration} m/s²");
+    }
+}
+
+/// Momentum and angular momentum, over the sum of the sizes of the momenta of all vertices, of two sheets that stitches on faces draw
+/// together in so many steps a frame.
+fn momenta_of_face_stitches(integrator: Integrator, steps: usize) -> [f64; 2] {
+    let mut description = two_sheets(0.06, Some(0.0));
+    set_steps_of_a_frame(&mut description, integrator, steps);
+    description.garments[1].mesh.points.iter_mut().for_each(|p| p.z += 0.03);
+    description.solver.cg_tolerance = Some(1e-13);
+    let seam = &mut description.seams[0];
+    seam.pairs.clear();
+    let weights = [0.2, 0.5, 0.3];
+    let faces = (0..CELLS as u32).map(|row| (6 + 7 * row, [7 * row, 7 * row + 7, 7 * row + 1]));
+    seam.faces = faces.map(|(vertex, corners)| FacePoint { vertex, corners, weights }).collect();
+    let mut simulation = start(description);
+    run(&mut simulation, 50);
+    let (state, masses) = (simulation.state(), simulation.scene().masses());
+    let moving: f64 = state.v.iter().zip(masses).map(|(v, m)| v.norm() * m).sum();
+    let linear: Vec3 = state.v.iter().zip(masses).map(|(v, m)| v * *m).sum();
+    let angular: Vec3 = state.x.iter().zip(&state.v).zip(masses).map(|((x, v), m)| x.cross(v) * *m).sum();
+    assert!(moving > 1e-3, "the sheets move");
+    [linear, angular].map(|momentum| momentum.norm() / moving)
+}
+
+#[test]
+fn a_stitch_on_a_face_keeps_momentum_and_to_the_order_of_the_scheme_angular_momentum() {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let [coarse, fine] = [4, 16].map(|steps| momenta_of_face_stitches(integrator, steps));
+        assert!(coarse[0].max(fine[0]) < 1e-8, "{integrator:?}: {coarse:?} {fine:?}");
+        assert!(coarse[1] < 1e-3 && fine[1] < 0.3 * coarse[1], "{integrator:?}: {coarse:?} {fine:?}");
+    }
+}
+
+#[test]
+fn stitches_on_faces_that_cannot_be_are_refused() {
+    let refusal = |change: fn(&mut SceneDescription)| {
+        let mut description = weight_on_a_face(Integrator::TrBdf2, 1.0);
+        change(&mut description);
+        drapery_core::scene::Scene::validate(description).unwrap_err().to_string()
+    };
+    assert!(refusal(|scene| scene.seams[0].faces[0].corners[1] = 3).contains("vertex 0 is sewn to the face [0, 3, 2]"));
+    assert!(refusal(|scene| scene.seams[0].faces[0].weights[1] = 0.9).contains("do not add up to one"));
+    assert!(refusal(|scene| scene.seams[0].garments = [0, 0]).contains("a face of its own"));
+    assert!(
+        refusal(|scene| {
+            let again = scene.seams[0].clone();
+            scene.seams.push(again);
+        })
+        .contains("vertex 0 is sewn twice to the same place")
+    );
 }

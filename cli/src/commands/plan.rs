@@ -3,7 +3,8 @@
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::number_curves::NumberCurve;
-use drapery_core::scene::{BodyDescription, SceneDescription};
+use drapery_core::scene::vertex_maps::MapCurve;
+use drapery_core::scene::{BodyDescription, GarmentDescription, SceneDescription};
 use drapery_core::settings::SettingValue;
 use drapery_io::error::IoError;
 use drapery_io::formats;
@@ -227,7 +228,8 @@ fn attributes_json(shot: &Shot) -> Value {
 
 /// Numbers that change over time; nothing without any.
 fn curves_text(scene: &SceneDescription) -> String {
-    if scene.curves.is_empty() {
+    let maps = map_curves(scene);
+    if scene.curves.is_empty() && maps.is_empty() {
         return String::new();
     }
     let key = |(frame, value): &(f64, SettingValue)| format!("{} at {frame}", effects::value_text(value));
@@ -235,7 +237,25 @@ fn curves_text(scene: &SceneDescription) -> String {
     for (path, keys) in &scene.curves {
         text += &format!("  {path}: {}\n", keys.iter().map(key).collect::<Vec<_>>().join(", "));
     }
+    for (path, frames) in maps {
+        let frames: Vec<String> = frames.iter().map(ToString::to_string).collect();
+        text += &format!("  {path}: maps at {}\n", frames.join(", "));
+    }
     text
+}
+
+/// Paths of the maps that change over time, and their frames.
+fn map_curves(scene: &SceneDescription) -> Vec<(String, Vec<f64>)> {
+    let of = |garment: &GarmentDescription| {
+        let name = garment.name.clone();
+        let frames = |keys: &MapCurve| keys.iter().map(|(frame, _)| *frame).collect();
+        garment
+            .map_curves
+            .iter()
+            .map(move |(of, keys)| (format!("garment.{name}.maps.{of}"), frames(keys)))
+            .collect::<Vec<_>>()
+    };
+    scene.garments.iter().flat_map(of).collect()
 }
 
 /// The same for programs.
@@ -246,5 +266,6 @@ fn curves_json(scene: &SceneDescription) -> Value {
         other => json!([frame, effects::value_text(other)]),
     };
     let curve = |(path, keys): (&String, &NumberCurve)| (path.clone(), keys.iter().map(key).collect());
-    Value::Object(scene.curves.iter().map(curve).collect())
+    let maps = map_curves(scene).into_iter().map(|(path, frames)| (path, json!({ "maps_at": frames })));
+    Value::Object(scene.curves.iter().map(curve).chain(maps).collect())
 }

@@ -142,6 +142,16 @@ pub trait Force: Send + Sync {
     fn plastic_mut(&mut self) -> Option<&mut dyn Plastic> {
         None
     }
+
+    /// The force as one whose elements can break; `None` if all of them hold whatever pulls.
+    fn breakable(&self) -> Option<&dyn Breakable> {
+        None
+    }
+
+    /// The same, to be changed.
+    fn breakable_mut(&mut self) -> Option<&mut dyn Breakable> {
+        None
+    }
 }
 
 /// A force that the implicit step takes into its matrix, with all of it that limits the time step.
@@ -173,12 +183,38 @@ pub trait Plastic {
     /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
     fn update_plasticity(&mut self, x: &[Vec3]);
 
-    /// Adds what [`Plastic::update_plasticity`] has changed in the elements that count at this part, by their vertices in solver
-    /// order.
+    /// Adds what [`Plastic::update_plasticity`] has changed, by the vertices of the elements in solver order. Every part adds all of its
+    /// elements: what is built anew on a rank finds those that count elsewhere, too.
     fn save_elements(&self, rows: &mut ElementRows);
 
     /// Takes what was remembered of all elements whose vertices are on this rank.
     fn restore_elements(&mut self, rows: &ElementRows);
+}
+
+/// A force whose elements can break: those that have are in checkpoints.
+pub trait Breakable {
+    /// Lets go what is pulled too hard in the positions `x` [m] of all vertices, at a state free of collisions at the time `time`
+    /// [s]; returns how many elements that count at this part.
+    fn break_overloaded(&mut self, x: &[Vec3], time: f64) -> u64;
+
+    /// Calls `visit` for each broken element, at every part that has it.
+    fn visit_broken(&self, visit: &mut dyn FnMut(BrokenElement));
+
+    /// Takes what was remembered of all elements whose vertices are on this rank: the time at which they broke.
+    fn restore_broken(&mut self, rows: &ElementRows);
+}
+
+/// An element that has broken.
+#[derive(Debug, Clone, Copy)]
+pub struct BrokenElement {
+    /// Its vertices in solver order.
+    pub vertices: [u32; 4],
+    /// Time at which it broke [s].
+    pub time: f64,
+    /// Number of the seam that it belongs to.
+    pub owner: usize,
+    /// Whether it counts at this part, of all that have it.
+    pub counts: bool,
 }
 
 /// Purpose of a velocity.

@@ -3,7 +3,7 @@
 //!
 //! The table is in every build, also where an effect is not: a scene that asks for it is then refused, not run without it.
 
-use crate::scene::{PinDescription, PinTarget, SceneDescription};
+use crate::scene::{PinDescription, PinTarget, SceneDescription, SeamDescription};
 
 /// Parts of a scene that only one effect looks at.
 #[derive(Debug)]
@@ -21,7 +21,7 @@ pub struct EffectInput {
 }
 
 /// All of them.
-pub static INPUTS: [EffectInput; 5] = [
+pub static INPUTS: [EffectInput; 6] = [
     EffectInput {
         effect: "body_collision",
         one: "a body",
@@ -53,12 +53,23 @@ pub static INPUTS: [EffectInput; 5] = [
         remove: |scene| scene.pins.retain(PinDescription::is_hard),
     },
     EffectInput {
+        effect: "elastic",
+        one: "an elastic band",
+        asks: Some(|scene| !scene.elastics.is_empty()),
+        because: |scene| {
+            let bands = scene.elastics.len();
+            format!("the garments have {bands} elastic band{}", if bands == 1 { "" } else { "s" })
+        },
+        remove: |scene| scene.elastics.clear(),
+    },
+    EffectInput {
         effect: "seams",
         one: "a seam",
         asks: Some(|scene| !scene.seams.is_empty()),
         because: |scene| {
-            let (seams, pairs) = (scene.seams.len(), scene.seams.iter().map(|seam| seam.pairs.len()).sum::<usize>());
-            format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" })
+            let (seams, stitches) =
+                (scene.seams.len(), scene.seams.iter().map(SeamDescription::stitches).sum::<usize>());
+            format!("{seams} seam{} of {stitches} stitches", if seams == 1 { "" } else { "s" })
         },
         remove: |scene| scene.seams.clear(),
     },

@@ -15,6 +15,7 @@ pub(crate) mod bending;
 pub mod body_collision;
 pub mod cost;
 pub(crate) mod dihedral_bending;
+pub(crate) mod elastic;
 pub(crate) mod ether_drag;
 pub mod gravity;
 pub(crate) mod membrane;
@@ -30,7 +31,10 @@ pub(crate) mod strain_limit;
 pub(crate) mod stretch;
 pub(crate) mod wind;
 
-pub use force::{BlockFactors, Force, ForceContext, Linearised, PartForce, PartMotion, PartView, Plastic, Strained};
+pub use force::{
+    BlockFactors, Breakable, BrokenElement, Force, ForceContext, Linearised, PartForce, PartMotion, PartView, Plastic,
+    Strained,
+};
 pub use inputs::INPUTS;
 pub use registry::{PlannedEffect, build_all, find, lacking, maps};
 pub use spec::{Effect, EffectSpec, MapSpec, Need, Scope};
@@ -45,6 +49,7 @@ registry::effects! {
     bending if "effects",
     dihedral_bending if "effects",
     plastic_wrinkles if "effects",
+    elastic if "effects",
     wind if "effects",
     ether_drag if "effects",
     pressure if "effects",

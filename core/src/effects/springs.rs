@@ -6,7 +6,7 @@
 //!
 //! Storage of a part's springs, and the loops over them, are in `part_springs`.
 
-mod part_springs;
+pub(super) mod part_springs;
 
 use crate::effects::spec::{BuildContext, Effect};
 use crate::effects::tensile_curve::TensileCurve;
@@ -148,18 +148,18 @@ pub(super) fn damping_ratios(
 }
 
 /// The springs of a garment before they are sorted into parts.
-struct SpringNetwork<'a> {
-    elements: &'a [SpringElement],
+pub(super) struct SpringNetwork<'a> {
+    pub(super) elements: &'a [SpringElement],
     /// Stiffness of each [N/m].
-    stiffnesses: &'a [f64],
+    pub(super) stiffnesses: &'a [f64],
     /// Damping of each as a fraction of critical.
-    damping_ratios: &'a [f64],
+    pub(super) damping_ratios: &'a [f64],
     /// The length to which shorter ones are softened [m].
-    shortest: f64,
+    pub(super) shortest: f64,
     /// Whether their strain is that of the cloth.
-    measures_strain: bool,
+    pub(super) measures_strain: bool,
     /// Curve by which they stiffen in tension, if they do.
-    curve: Option<TensileCurve>,
+    pub(super) curve: Option<TensileCurve>,
 }
 
 /// Stiffnesses that the settings give some springs.

@@ -82,6 +82,11 @@ impl SurfaceBinding {
         Some(Self { rest, frames, points: bound })
     }
 
+    /// The place that each point is bound to: the corners of a triangle, and their barycentric weights.
+    pub fn places(&self) -> impl Iterator<Item = ([u32; 3], [f64; 3])> {
+        self.points.iter().map(|point| (self.frames.triangles[point.triangle as usize], point.weights))
+    }
+
     /// Distance of each bound point from the place that it is bound to [m]: it is never farther from the surface.
     pub fn distances(&self) -> impl Iterator<Item = f64> {
         self.points.iter().map(|point| point.offset.norm())

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::scene::vertex_maps::PaintedMaps;
-use crate::scene::{DEFAULT_THICKNESS, GarmentDescription, Mass};
+use crate::scene::described::described;
+use crate::scene::vertex_maps::{MapCurves, PaintedMaps};
+use crate::scene::{DEFAULT_THICKNESS, GarmentDescription, LARGEST_DENSITY, LARGEST_THICKNESS, Mass, SMALLEST_DENSITY};
 
 impl GarmentDescription {
     /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.
@@ -19,7 +20,9 @@ impl GarmentDescription {
             start_velocities: None,
             mass: Mass::Density(density),
             thickness: DEFAULT_THICKNESS,
+            rest_scale: 1.0,
             maps: PaintedMaps::new(),
+            map_curves: MapCurves::new(),
         }
     }
 
@@ -44,9 +47,37 @@ impl GarmentDescription {
         Ok(all)
     }
 
+    /// Areal density [kg/m²], if that gives its mass.
+    fn density(&self) -> Option<f64> {
+        match self.mass {
+            Mass::Density(density) => Some(density),
+            Mass::UniformTotal(_) => None,
+        }
+    }
+
+    /// Mass of the whole garment [kg], if that is given.
+    fn total_mass(&self) -> Option<f64> {
+        match self.mass {
+            Mass::UniformTotal(total) => Some(total),
+            Mass::Density(_) => None,
+        }
+    }
+
     /// The rest shape, which it no longer has after that.
     pub(crate) fn take_mesh(&mut self) -> Arc<dyn MeshStream> {
         let mesh = std::mem::take(&mut self.mesh);
         self.stream.take().unwrap_or_else(|| Arc::new(mesh))
     }
 }
+
+described! { GarmentDescription as garment {
+    "density", garment.density() => ArealDensity, default Absent, range (SMALLEST_DENSITY, LARGEST_DENSITY),
+        "mass per area, as \"150 g/m²\"; a material brings it";
+    "total_mass", garment.total_mass() => Mass, default Absent, range (1e-9, 1e9),
+        "mass of the whole garment, the same for every vertex; instead of `density`";
+    "thickness", garment.thickness => Length, default Quantity("0.5 mm"), range (1e-9, LARGEST_THICKNESS),
+        "distance that `self_repulsion` keeps between its layers and from other garments; lowered where edges are short; \
+         left out, that of the material";
+    "rest_scale", garment.rest_scale => None, default Number(1.0), range (0.01, 100.0),
+        "lengths at rest over those of the rest shape: below 1 the cloth shrinks, above 1 it grows; its mass stays";
+} }

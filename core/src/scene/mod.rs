@@ -7,6 +7,7 @@
 mod body;
 mod contact_rule;
 pub(crate) mod described;
+mod elastic;
 mod garment;
 pub mod gather;
 mod integrator;
@@ -22,10 +23,11 @@ pub mod vertex_maps;
 pub use body::{BodyDescription, BodyShape, RigidMotion};
 pub use contact_rule::{ContactRule, ContactSide};
 pub use described::Described;
+pub use elastic::ElasticDescription;
 pub use integrator::{Integrator, IntegratorSpec, RepulsionPlace, UnusedKey};
 pub use origin::{FARTHEST, coarse_place, is_possible};
 pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
-pub use seam::SeamDescription;
+pub use seam::{FacePoint, SeamDescription};
 pub use solver::{PRESET, PRESETS, SolverPreset, SolverSettings};
 
 use std::collections::BTreeMap;
@@ -38,7 +40,7 @@ use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
 use number_curves::NumberCurves;
 use seam_pairs::Sewn;
-use vertex_maps::PaintedMaps;
+use vertex_maps::{MapCurves, PaintedMaps};
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
 ///
@@ -66,6 +68,8 @@ pub struct SceneDescription {
     pub bodies: Vec<BodyDescription>,
     /// Vertices whose motion is prescribed or that are held by springs.
     pub pins: Vec<PinDescription>,
+    /// Elastic bands in garments.
+    pub elastics: Vec<ElasticDescription>,
     /// Vertices that are drawn together.
     pub seams: Vec<SeamDescription>,
     /// Contact of pairs of garments and bodies that differs from what these say.
@@ -153,8 +157,12 @@ pub struct GarmentDescription {
     /// Distance that repulsions keep between its layers, and from other garments [m]; short edges lower it
     /// (`self_repulsion`).
     pub thickness: f64,
+    /// Lengths at rest over those of the rest shape; the mass is that of the rest shape.
+    pub rest_scale: f64,
     /// Quantities that differ among the vertices.
     pub maps: PaintedMaps,
+    /// Maps that change over time, in the place of those of the same names in `maps`.
+    pub map_curves: MapCurves,
 }
 
 /// Mass of a garment's points.
@@ -265,6 +273,11 @@ impl SceneDescription {
         matches!(body.shape, BodyShape::Surface { .. }) || body.motion.path.len() > 1 || turns
     }
 
+    /// Whether some seam can break.
+    pub(crate) fn seams_can_break(&self) -> bool {
+        self.seams.iter().any(|seam| seam.break_force.is_some())
+    }
+
     /// Whether what some pin follows moves.
     pub(crate) fn moves_pins(&self) -> bool {
         self.pins.iter().any(|pin| match &pin.target {
@@ -284,6 +297,7 @@ impl SceneDescription {
             garments: Vec::new(),
             bodies: Vec::new(),
             pins: Vec::new(),
+            elastics: Vec::new(),
             seams: Vec::new(),
             contacts: Vec::new(),
             curves: NumberCurves::new(),
@@ -321,7 +335,8 @@ pub const LARGEST_DENSITY: f64 = 1e6;
 pub struct Scene {
     /// Description that the scene was made from, without the arrays of garments and pins.
     pub(crate) description: SceneDescription,
-    /// This rank's piece of each garment. Vertex v of it is the local vertex `parts.garment(g).start + v`.
+    /// This rank's piece of each garment, of its present rest scale. Vertex v of it is the local vertex
+    /// `parts.garment(g).start + v`.
     pub(crate) meshes: Vec<TriangleMesh>,
     /// Fixed split of all vertices, the order in which the solver stores them, and this rank's share.
     pub(crate) parts: Parts,
@@ -437,7 +452,8 @@ impl Scene {
             };
             self.description.garments.iter().enumerate().flat_map(of_garment).collect()
         };
-        let x = self.start.clone().unwrap_or_else(|| self.rest_positions());
+        let modelled = || self.meshes.iter().flat_map(|mesh| mesh.modelled_positions()).copied().collect();
+        let x = self.start.clone().unwrap_or_else(modelled);
         let mut v = self.velocities.clone().unwrap_or_else(uniform);
         self.stop_inert(&mut v);
         [x, v]

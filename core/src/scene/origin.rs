@@ -50,7 +50,7 @@ impl Scene {
     /// Bounds of what takes part of a garment at the start, of all ranks.
     fn start_bounds(&self, garment: usize) -> Bounds {
         let first = self.parts.garment(garment).start;
-        let rest = self.meshes[garment].rest_positions();
+        let rest = self.meshes[garment].modelled_positions();
         let isolated = self.isolated.as_deref().unwrap_or_default();
         let mut own = NOWHERE;
         for vertex in self.parts.own_of_garment(garment).filter(|v| isolated.binary_search(&(*v as u32)).is_err()) {

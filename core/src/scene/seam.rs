@@ -2,6 +2,7 @@
 
 use crate::scene::FARTHEST;
 use crate::scene::described::described;
+use crate::scene::seam_pairs::SewnTo;
 
 /// Vertices of garments that are sewn together, pair by pair: a seam, a button or a zip. The gap of a pair closes evenly from what it is
 /// at the start; a zip pulls one pair after the other.
@@ -19,6 +20,10 @@ pub struct SeamDescription {
     pub garments: [usize; 2],
     /// Pairs of vertices, each by its number in the garment of its side.
     pub pairs: Vec<[u32; 2]>,
+    /// Vertices of the first garment that are sewn to points on faces of the second, after the pairs.
+    pub faces: Vec<FacePoint>,
+    /// Whether gaps stay as they are at the start, instead of closing.
+    pub keeps_gap: bool,
     /// Solver time at which the gaps start to close [s].
     pub from: f64,
     /// Solver time from which they are closed [s]; not after `from` closes them at once.
@@ -36,14 +41,57 @@ pub struct SeamDescription {
     pub stiffness: f64,
     /// Damping as a fraction of critical damping of the pair.
     pub damping_ratio: f64,
+    /// Force at which a pair opens for good [N]; `None` holds whatever pulls.
+    pub break_force: Option<f64>,
 }
 
 impl SeamDescription {
     /// A seam of pairs of this stiffness [N/m] that is closed at once, and stays.
     pub fn new(garments: [usize; 2], pairs: Vec<[u32; 2]>, stiffness: f64) -> Self {
         let (from, until, opens, opened, zip) = (0.0, 0.0, None, None, false);
-        Self { garments, pairs, from, until, opens, opened, zip, rest_gap: None, stiffness, damping_ratio: 1.0 }
+        let (faces, keeps_gap) = (Vec::new(), false);
+        Self {
+            garments,
+            pairs,
+            faces,
+            keeps_gap,
+            from,
+            until,
+            opens,
+            opened,
+            zip,
+            rest_gap: None,
+            stiffness,
+            damping_ratio: 1.0,
+            break_force: None,
+        }
     }
+}
+
+impl SeamDescription {
+    /// Number of its stitches.
+    pub fn stitches(&self) -> usize {
+        self.pairs.len() + self.faces.len()
+    }
+
+    /// Takes the stitches: each a vertex of the first garment, and what of the second it is sewn to.
+    pub(crate) fn take_stitches(&mut self) -> Vec<(u32, SewnTo)> {
+        let pairs = std::mem::take(&mut self.pairs).into_iter();
+        let faces = std::mem::take(&mut self.faces).into_iter();
+        let to_face = |FacePoint { vertex, corners, weights }| (vertex, SewnTo::Face { corners, weights });
+        pairs.map(|[p, q]| (p, SewnTo::Vertex(q))).chain(faces.map(to_face)).collect()
+    }
+}
+
+/// A vertex of one garment, and the point on a face of another that it is sewn to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FacePoint {
+    /// Number of the vertex in its garment.
+    pub vertex: u32,
+    /// Corners of the face by their numbers in the other garment.
+    pub corners: [u32; 3],
+    /// Barycentric weights of the corners, adding up to one.
+    pub weights: [f64; 3],
 }
 
 described! { SeamDescription as seam {
@@ -51,9 +99,13 @@ described! { SeamDescription as seam {
         "stiffness of each pair, for example \"800 N/m\"";
     "damping_ratio", seam.damping_ratio => None, default Number(1.0), range (0.0, 1e3),
         "damping as a fraction of critical";
+    "break_force", seam.break_force => Force, default Absent, range (1e-12, 1e12),
+        "a pair opens for good at a larger force; left out, it never breaks";
     "rest_gap", seam.rest_gap => Length, default Absent, range (0.0, 1e3),
         "gap of the closed seam; left out, the larger thickness of the garments if cloth touches cloth in this \
          scene, otherwise zero";
+    "keep_gap", seam.keeps_gap => None, default Flag(false), range (0.0, 0.0),
+        "the gap stays as it is at the start, instead of closing: a patch or a brooch that is fixed where it lies";
     "start", seam.from => Time, default Absent, range (-FARTHEST, FARTHEST),
         "start of closing, since the first frame; left out, the start of the simulation";
     "closed", seam.until => Time, default Absent, range (-FARTHEST, FARTHEST),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::scene::{PinHold, Pinned, Scene};
+use crate::scene::{GarmentDescription, PinHold, Pinned, Scene};
 
 /// Values of one quantity over the vertices of a garment.
 ///
@@ -23,6 +23,34 @@ pub struct PaintedMap {
 /// Maps of a garment by what they are of.
 pub type PaintedMaps = BTreeMap<String, PaintedMap>;
 
+/// Frames and maps, ascending: values are straight between keys, constant before the first and after the last.
+pub type MapCurve = Vec<(f64, PaintedMap)>;
+
+/// Maps of a garment that change over time, by what they are of.
+pub type MapCurves = BTreeMap<String, MapCurve>;
+
+/// Name under which ranks are handed a key of a map that changes over time.
+pub(crate) fn column(of: &str, key: usize) -> String {
+    format!("{of} {key}")
+}
+
+/// The keys of a curve before and after a frame, and the share of the second: both the same where the frame is at a key or beyond all.
+fn around(curve: &MapCurve, frame: f64) -> Option<([usize; 2], f64)> {
+    let last = curve.len().checked_sub(1)?;
+    let next = curve.partition_point(|(key, _)| *key <= frame);
+    Some(match next {
+        0 => ([0, 0], 0.0),
+        _ if next > last => ([last, last], 0.0),
+        _ => ([next - 1, next], (frame - curve[next - 1].0) / (curve[next].0 - curve[next - 1].0)),
+    })
+}
+
+/// A map between two keys.
+fn between(before: &PaintedMap, after: &PaintedMap, share: f64) -> PaintedMap {
+    let values = before.values.iter().zip(&after.values).map(|(a, b)| a + (b - a) * share).collect();
+    PaintedMap { values, absolute: before.absolute }
+}
+
 impl PaintedMap {
     /// The quantity at a vertex, of which the whole garment has `of_garment`.
     pub fn at(&self, vertex: usize, of_garment: f64) -> f64 {
@@ -35,7 +63,32 @@ impl PaintedMap {
     }
 }
 
+impl GarmentDescription {
+    /// Puts the maps that change over time to a frame, of a description whose keys have their values.
+    pub(crate) fn set_maps_at(&mut self, frame: f64) {
+        for (of, curve) in &self.map_curves {
+            let Some(([a, b], share)) = around(curve, frame) else { continue };
+            self.maps.insert(of.clone(), between(&curve[a].1, &curve[b].1, share));
+        }
+    }
+}
+
 impl Scene {
+    /// Puts the maps that change over time to a frame; returns whether that changes some of any rank.
+    pub(crate) fn set_maps_at(&mut self, frame: f64) -> bool {
+        let mut changes = false;
+        for (garment, painted) in self.description.garments.iter().zip(&mut self.painted) {
+            for (of, curve) in &garment.map_curves {
+                let Some((keys, share)) = around(curve, frame) else { continue };
+                let [Some(a), Some(b)] = keys.map(|key| painted.get(&column(of, key))) else { continue };
+                let map = between(a, b, share);
+                changes |= painted.get(of) != Some(&map);
+                painted.insert(of.clone(), map);
+            }
+        }
+        self.parts.ranks().any(changes)
+    }
+
     /// A map of a garment over the vertices of this rank's piece of its mesh, if it is painted.
     pub(crate) fn painted(&self, garment: usize, of: &str) -> Option<&PaintedMap> {
         self.painted[garment].get(of)

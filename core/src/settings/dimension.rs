@@ -15,6 +15,8 @@ pub enum Dimension {
     Acceleration,
     /// Speed, SI unit m/s.
     Speed,
+    /// Mass, SI unit kg.
+    Mass,
     /// Areal density, SI unit kg/m².
     ArealDensity,
     /// Time, SI unit s.
@@ -43,6 +45,7 @@ impl Dimension {
             Self::Stiffness => &[("N/m", 1.0), ("mN/m", 1e-3), ("N/cm", 100.0), ("N/mm", 1000.0)],
             Self::Acceleration => &[("m/s²", 1.0), ("m/s^2", 1.0), ("m/s2", 1.0), ("cm/s²", 1e-2), ("cm/s^2", 1e-2)],
             Self::Speed => &[("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3)],
+            Self::Mass => &[("kg", 1.0), ("g", 1e-3)],
             Self::ArealDensity => {
                 &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
             }

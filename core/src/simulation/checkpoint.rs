@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::{FrameInput, Simulation};
 use crate::Vec3;
+use crate::effects::seams;
 use crate::error::Problems;
 use crate::scene::Scene;
 use crate::snapshot::elements::{ElementRows, renumbered};
@@ -18,6 +19,9 @@ const STATE: SectionId = SectionId { name: "state", version: 2 };
 /// Name of the rows of elements that have yielded.
 const HINGES: &str = "hinges";
 
+/// Name of the rows of stitches that have broken.
+const BROKEN: &str = "broken";
+
 /// A room of the solver that remembers something from frame to frame.
 pub(super) struct Room {
     /// Its section with what it remembers on this rank; `None` if the scene does not have it.
@@ -27,12 +31,13 @@ pub(super) struct Room {
 }
 
 /// All rooms, in the order of their sections in a snapshot.
-static ROOMS: [Room; 5] = [
+static ROOMS: [Room; 6] = [
     Room { save: |simulation| Some(simulation.save_state()), restore: Simulation::restore_state },
     Room { save: Simulation::save_pins, restore: Simulation::restore_pins },
     Room { save: |simulation| simulation.contacts.bodies.as_ref()?.save(), restore: Simulation::restore_collision },
     Room { save: |simulation| Some(simulation.contacts.cloth.as_ref()?.save()), restore: Simulation::restore_contact },
     Room { save: Simulation::save_elements, restore: Simulation::restore_elements },
+    Room { save: Simulation::save_seams, restore: Simulation::restore_seams },
 ];
 
 /// Error of [`Simulation::restore`]: the scene is at fault, or the snapshot.
@@ -192,7 +197,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Yielded values of elements that count on this rank, by vertices of the scene.
+    /// Yielded values of elements with an own vertex, by vertices of the scene.
     fn save_elements(&self) -> Option<SavedSection> {
         let section = SavedSection::new(self.yields?);
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new());
@@ -208,6 +213,30 @@ impl Simulation {
         let rows = renumbered(section.elements(HINGES), local);
         let plastic = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.plastic_mut());
         plastic.for_each(|force| force.restore_elements(&rows));
+        Ok(())
+    }
+
+    /// Broken stitches with an own vertex, by vertices of the scene; nothing where none can break.
+    fn save_seams(&self) -> Option<SavedSection> {
+        if !self.scene.description().seams_can_break() {
+            return None;
+        }
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new());
+        for force in self.dynamics.forces.iter().flatten().filter_map(|force| force.breakable()) {
+            force.visit_broken(&mut |element| {
+                rows.insert(element.vertices, [element.time, 0.0]);
+            });
+        }
+        let rows = renumbered(rows, |vertex| Some(parts.number(vertex as usize)));
+        Some(SavedSection::new(seams::SECTION).with(BROKEN, Field::elements(&rows)))
+    }
+
+    fn restore_seams(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let parts = self.scene.parts();
+        let local = |number| parts.local(number).map(|vertex| vertex as u32);
+        let rows = renumbered(section.elements(BROKEN), local);
+        let breakable = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.breakable_mut());
+        breakable.for_each(|force| force.restore_broken(&rows));
         Ok(())
     }
 }

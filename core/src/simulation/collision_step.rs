@@ -130,6 +130,7 @@ impl Simulation {
             self.update_plasticity();
         }
         self.break_attachments();
+        self.break_seams();
     }
 
     /// Keeps what is bent or stretched too far to spring back.
@@ -141,6 +142,19 @@ impl Simulation {
                 plastic.for_each(|force| force.update_plasticity(&cloth.state.x));
             });
         });
+    }
+
+    /// Opens stitches that are pulled too hard.
+    fn break_seams(&mut self) {
+        if !self.scene.description().seams_can_break() {
+            return;
+        }
+        let State { x, time, .. } = &self.cloth.state;
+        let forces = self.dynamics.forces.iter_mut().flatten().filter_map(|force| force.breakable_mut());
+        let broken: u64 = forces.map(|force| force.break_overloaded(x, *time)).sum();
+        if broken > 0 {
+            self.metrics.count("stitches_broken", broken);
+        }
     }
 
     /// Lets go what is pulled too hard.

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use super::recovery::is_finite;
-use super::{BrokenAttachment, FrameSummary, GarmentStrains, Simulation, StrainRecord};
+use super::{BrokenHold, FrameSummary, GarmentStrains, HoldOwner, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
@@ -17,10 +17,12 @@ use crate::step::Dynamics;
 /// One edge in so many is left out of [`GarmentStrains::p99_9`].
 const EDGES_FOR_ONE: u64 = 1000;
 
-/// A vertex whose attachment broke; ordered by the pin.
+/// A vertex that was let go; ordered by the pin, then by the seam.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
-struct BrokenTarget {
-    pin: usize,
+struct BrokenVertexHold {
+    is_seam: bool,
+    /// Number of the pin or of the seam.
+    owner: usize,
     garment: usize,
     /// Number in the garment.
     vertex: u32,
@@ -59,7 +61,7 @@ struct LargeStrain {
 }
 
 codec!(struct LargeStrain { strain });
-codec!(struct BrokenTarget { pin, garment, vertex });
+codec!(struct BrokenVertexHold { is_seam, owner, garment, vertex });
 codec!(struct StrainedEdge { strain, numbers, garment, vertices });
 codec!(struct BrokenVertex { number, garment, vertex });
 
@@ -118,24 +120,37 @@ impl Simulation {
         forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
     }
 
-    /// Attachments of all ranks that broke on the way to a frame, by pin and vertex.
-    fn broken_in(&self, frame: i64) -> Vec<BrokenAttachment> {
+    /// Attachments and stitches of all ranks that broke on the way to a frame, by pin or seam and vertex.
+    fn broken_in(&self, frame: i64) -> Vec<BrokenHold> {
         let description = self.scene.description();
-        if description.pins.iter().all(|pin| pin.hold.break_force().is_none()) {
+        if description.pins.iter().all(|pin| pin.hold.break_force().is_none()) && !description.seams_can_break() {
             return Vec::new();
         }
         let (parts, timeline) = (self.scene.parts(), description.timeline);
-        let here = self.prescribed.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
-        let here = here.map(|(vertex, pin)| {
+        let (start, end) = (timeline.time(frame - 1), timeline.time(frame));
+        let mut here = Vec::new();
+        let mut add = |is_seam: bool, owner: usize, vertex: usize| {
             let (garment, vertex) = parts.own_vertex(vertex);
-            BrokenTarget { pin, garment, vertex }
-        });
-        let mut all = self.ranks().all_gather_encoded("attachments that broke", here.collect());
+            here.push(BrokenVertexHold { is_seam, owner, garment, vertex });
+        };
+        self.prescribed
+            .targets
+            .broken_between(start, end)
+            .into_iter()
+            .for_each(|(vertex, pin)| add(false, pin, vertex));
+        for force in self.dynamics.forces.iter().flatten().filter_map(|force| force.breakable()) {
+            force.visit_broken(&mut |element| {
+                if element.counts && element.time > start && element.time <= end {
+                    add(true, element.owner, element.vertices[0] as usize);
+                }
+            });
+        }
+        let mut all = self.ranks().all_gather_encoded("attachments and stitches that broke", here);
         all.sort_unstable();
-        let named = |BrokenTarget { pin, garment, vertex }: BrokenTarget| BrokenAttachment {
+        let named = |BrokenVertexHold { is_seam, owner, garment, vertex }: BrokenVertexHold| BrokenHold {
             garment: description.garments[garment].name.clone(),
             vertex,
-            pin,
+            of: if is_seam { HoldOwner::Seam(owner) } else { HoldOwner::Pin(owner) },
         };
         all.into_iter().map(named).collect()
     }

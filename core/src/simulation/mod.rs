@@ -110,15 +110,24 @@ pub struct GarmentStrains {
     pub p99_9: f64,
 }
 
-/// An attachment that broke.
+/// A vertex that a pin or a seam has let go for good.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BrokenAttachment {
+pub struct BrokenHold {
     /// Name of the garment.
     pub garment: String,
     /// Its vertex in the garment's own order.
     pub vertex: u32,
+    /// The pin or the seam.
+    pub of: HoldOwner,
+}
+
+/// The owner of a hold that broke.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HoldOwner {
     /// Number of the pin in the scene.
-    pub pin: usize,
+    Pin(usize),
+    /// Number of the seam in the scene.
+    Seam(usize),
 }
 
 /// Summary of one frame: steps, counts, strains and energies.
@@ -167,7 +176,7 @@ pub struct FrameSummary {
     /// The first of the steps that went wrong, and what was done about them.
     pub recoveries: Vec<Recovery>,
     /// Attachments that broke on the way to the frame, by their vertices.
-    pub broken: Vec<BrokenAttachment>,
+    pub broken: Vec<BrokenHold>,
 }
 
 impl FrameSummary {

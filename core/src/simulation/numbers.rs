@@ -24,36 +24,44 @@ impl Simulation {
         let description = self.scene.description();
         for (path, value) in numbers {
             let problem = |what: String, advice: &str| Problem::scene(path.clone(), what, advice);
-            check_number(description, path, value)
-                .map_err(|what| problem(what, "name a number of an effect, of a body or of a contact"))?;
+            check_number(description, path, value).map_err(|what| {
+                problem(what, "name a number of an effect, a garment, a pin, a body, a seam or a contact")
+            })?;
             if description.curves.contains_key(path) {
                 return Err(problem("a curve of the scene changes this number".into(), "remove the curve"));
             }
         }
-        self.change_numbers(numbers).map_err(|what| Problem::scene("numbers", what, "set other values"))
+        self.change_numbers(numbers, None).map_err(|what| Problem::scene("numbers", what, "set other values"))
     }
 
     /// Gives the numbers that have curves their values at the frame of `input`. All ranks call it together.
     pub(super) fn follow_curves(&mut self, input: &FrameInput) -> Result<(), StepError> {
-        if self.scene.description().curves.is_empty() {
+        let description = self.scene.description();
+        if description.curves.is_empty() && description.garments.iter().all(|garment| garment.map_curves.is_empty()) {
             return Ok(());
         }
         let numbers = self.scene.description().numbers_at(input.frame);
         let failed = |what: String| StepError::Input { frame: input.frame, what };
-        self.change_numbers(&numbers).map_err(failed)
+        self.change_numbers(&numbers, Some(input.frame)).map_err(failed)
     }
 
-    /// Builds everything anew if these numbers differ from the present ones.
-    fn change_numbers(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), String> {
+    /// Builds everything anew if these numbers, or the maps of a frame, differ from the present ones.
+    fn change_numbers(&mut self, numbers: &[(String, SettingValue)], frame: Option<i64>) -> Result<(), String> {
         let mut description = self.scene.description().clone();
         let mut changes = false;
         for (path, value) in numbers {
             changes |= description.set_number(path, value)?;
         }
+        let has_maps = description.garments.iter().any(|garment| !garment.map_curves.is_empty());
+        if !(changes || has_maps) {
+            return Ok(());
+        }
+        let mut scene = Scene { description, ..(*self.scene).clone() };
+        changes |= frame.is_some_and(|frame| scene.set_maps_at(frame as f64));
         if !changes {
             return Ok(());
         }
-        let scene = Arc::new(Scene { description, ..(*self.scene).clone() });
+        let scene = Arc::new(scene.derive());
         let memory = self.saved_sections();
         let tracks = std::mem::take(&mut self.prescribed.tracks);
         self.rebuild(scene, tracks, &memory).map_err(|error| error.what)

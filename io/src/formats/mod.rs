@@ -47,6 +47,12 @@ pub struct Opening {
     pub rate: Option<f64>,
 }
 
+/// Samples of a channel: times [s], ascending, and the numbers of the value there; one sample for what never changes.
+pub type ChannelSamples = Vec<(f64, Vec<f64>)>;
+
+/// Reads a channel: a property of an object that holds numbers, by the path of the object and the name of the property.
+pub type ReadChannel = fn(&Path, &str, &str) -> Result<ChannelSamples, IoError>;
+
 /// Looks into a file.
 pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
 
@@ -148,6 +154,8 @@ pub struct Format {
     pub refers_to_others: bool,
     /// Opens meshes, if they are read from it.
     pub open: Option<OpenMesh>,
+    /// Reads a channel, if it has such.
+    pub channel: Option<ReadChannel>,
     /// Creates a cache, if they are written to it.
     pub create: Option<CreateCache>,
     /// Continues a cache, if they are written to it.
@@ -177,6 +185,7 @@ impl Format {
             binds_materials: false,
             refers_to_others: false,
             open: None,
+            channel: None,
             create: None,
             resume: None,
             read_back: None,

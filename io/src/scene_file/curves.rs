@@ -2,13 +2,18 @@
 //!
 //! All that follows sees the value of the first key. Curves stand beside the tree, and in `resolved.toml` in their places.
 
-use drapery_core::scene::number_curves::NumberCurve;
-use drapery_core::settings::{Default, Field};
+use std::path::{Path as FilePath, PathBuf};
 
+use drapery_core::scene::number_curves::NumberCurve;
+use drapery_core::settings::{Default, Field, SettingValue};
+
+use super::channels::{self, Channel};
 use super::deserialize::dotted;
 use super::diagnostics::SceneFileError;
 use super::effects;
-use super::fields::{self, CURVED};
+use super::fields::{self, TABLES};
+use super::raw::Quantity;
+use super::resolve;
 use super::tree::{Node, Path, Segment, Sources, Value};
 
 /// A curve of the scene file.
@@ -22,36 +27,87 @@ pub(super) struct Curve {
     pub(super) number: String,
     /// Frames and values, in the SI unit.
     pub(super) keys: NumberCurve,
+    /// The file of a channel, which holds the keys.
+    pub(super) file: Option<PathBuf>,
+}
+
+/// A map of a garment that changes over time.
+#[derive(Debug, Clone)]
+pub(super) struct MapKeys {
+    /// Path of the map in the tree.
+    pub(super) path: Path,
+    /// The keys, as they are written.
+    node: Node,
+    /// Frames, and the names of maps.
+    pub(super) keys: Vec<(f64, String)>,
+}
+
+/// Takes the maps that change over time out of the tree and leaves the name of their first keys.
+///
+/// # Errors
+/// The first key that is none.
+pub(super) fn take_maps(root: &mut Node, sources: &Sources) -> Result<Vec<MapKeys>, SceneFileError> {
+    let mut curves = Vec::new();
+    for path in fields::found(root, &["garment", fields::EACH, "maps"]) {
+        let names = path.find(root).as_table().into_iter().flat_map(|table| &table.0).map(|entry| entry.key.clone());
+        for name in names.collect::<Vec<_>>() {
+            let path = path.clone().key(&name);
+            let Some(node) = path.find_mut(root).filter(|node| matches!(node.value, Value::Array(_))) else { continue };
+            let written = node.clone();
+            let form = format!("{name} = [[frame, \"NAME\"], …], with frames that increase");
+            let mut keys: Vec<(f64, String)> = Vec::new();
+            for (frame, value) in frames(&name, &form, &written, sources)? {
+                let Value::Text(map) = &value.value else {
+                    let what = format!("the map of `{name}` at frame {frame} has to be a name or a file, as text");
+                    return Err(sources.error(&value.place, what, Some(format!("write {form}"))));
+                };
+                keys.push((frame, map.clone()));
+            }
+            if let Some((_, first)) = keys.first() {
+                node.value = Value::Text(first.clone());
+            }
+            curves.push(MapKeys { path, node: written, keys });
+        }
+    }
+    Ok(curves)
 }
 
 /// Takes the curves out of the tree and leaves the value of their first keys.
 ///
 /// # Errors
 /// The first key that is none, and the first value that does not fit its number.
-pub(super) fn take(root: &mut Node, sources: &Sources) -> Result<Vec<Curve>, SceneFileError> {
+pub(super) fn take(root: &mut Node, sources: &Sources, folder: &FilePath) -> Result<Vec<Curve>, SceneFileError> {
     let of_effects = effects::tables(root).into_iter().map(|(spec, path)| (spec.fields.iter().collect(), path));
-    let of_rows = CURVED.iter().flat_map(|rows| {
-        fields::found(root, rows.path).into_iter().map(|path| (rows.fields().collect::<Vec<&Field>>(), path))
+    let of_rows = TABLES.iter().flat_map(|rows| {
+        fields::found(root, rows.path).into_iter().map(|path| (rows.changing().collect::<Vec<&Field>>(), path))
     });
     let tables: Vec<(Vec<&'static Field>, Path)> = of_effects.chain(of_rows).collect();
     let mut curves = Vec::new();
     for (fields, path) in tables {
         for field in fields {
             let path = path.clone().key(field.name);
+            let fps = frame_rate(root);
             let Some(node) = path.find_mut(root).filter(|node| is_curve(field, node)) else { continue };
             let written = node.clone();
-            let (keys, first) = keys(field, &written, sources)?;
+            let (keys, first, file) = if channels::is_channel(&written) {
+                let (keys, first, file) = of_channel(field, &written, sources, (folder, fps))?;
+                (keys, first, Some(file))
+            } else {
+                let (keys, first) = keys(field, &written, sources)?;
+                (keys, first, None)
+            };
             node.value = first;
             let number = number(root, &path);
-            curves.push(Curve { path, node: written, number, keys });
+            curves.push(Curve { path, node: written, number, keys, file });
         }
     }
     Ok(curves)
 }
 
 /// Puts the curves back in their places.
-pub(super) fn put_back(mut root: Node, curves: &[Curve]) -> Node {
-    for Curve { path, node, .. } in curves {
+pub(super) fn put_back(mut root: Node, curves: &[Curve], maps: &[MapKeys]) -> Node {
+    let of_maps = maps.iter().map(|MapKeys { path, node, .. }| (path, node));
+    for (path, node) in curves.iter().map(|Curve { path, node, .. }| (path, node)).chain(of_maps) {
         if let Some(place) = path.find_mut(&mut root) {
             *place = node.clone();
         }
@@ -68,42 +124,105 @@ pub(super) fn may_change(field: &Field) -> bool {
 /// Whether a list of lists stands where a number, or a list of three, is expected.
 fn is_curve(field: &Field, node: &Node) -> bool {
     let is_list = |node: &Node| matches!(node.value, Value::Array(_));
-    may_change(field) && matches!(&node.value, Value::Array(items) if items.iter().any(is_list) || items.is_empty())
+    let is_keys = matches!(&node.value, Value::Array(items) if items.iter().any(is_list) || items.is_empty());
+    may_change(field) && (is_keys || channels::is_channel(node))
+}
+
+/// Frames per second of the shot; what is wrong with them is reported elsewhere.
+fn frame_rate(root: &Node) -> f64 {
+    let fps = Path::default().key("shot").key("fps");
+    let fps = match &fps.find(root).value {
+        Value::Integer(fps) => Quantity::Number(*fps as f64),
+        Value::Float(fps) => Quantity::Number(*fps),
+        Value::Text(fps) => Quantity::Text(fps.clone()),
+        _ => Quantity::Number(24.0),
+    };
+    resolve::frame_rate(&fps).map_or(24.0, |(numerator, denominator)| f64::from(numerator) / f64::from(denominator))
+}
+
+/// Keys of a channel, the value of the first, and the file.
+fn of_channel(
+    field: &Field,
+    node: &Node,
+    sources: &Sources,
+    around: (&FilePath, f64),
+) -> Result<(NumberCurve, Value, PathBuf), SceneFileError> {
+    let Channel { file, keys } = channels::read(node, sources, around)?;
+    let wrong = |what: String| {
+        let help = format!("correct it in {}, or write a `scale` that brings it into the range", file.display());
+        sources.error(&node.place, what, Some(help))
+    };
+    let mut checked = NumberCurve::new();
+    for (frame, value) in keys {
+        if checked.last().is_some_and(|(before, _)| *before >= frame) {
+            return Err(wrong(format!("the samples of the channel do not increase at frame {frame}")));
+        }
+        let value = field.check(&value).map_err(|what| wrong(format!("at frame {frame} of the channel: {what}")))?;
+        checked.push((frame, value));
+    }
+    let first = match checked.first() {
+        Some((_, SettingValue::Number(number))) => Value::Float(*number),
+        Some((_, SettingValue::Vector(vector))) => {
+            let of = |number: &f64| Node { value: Value::Float(*number), ..node.clone() };
+            Value::Array(vector.iter().map(of).collect())
+        }
+        _ => return Err(wrong("the channel has no samples".to_owned())),
+    };
+    Ok((checked, first, file))
 }
 
 /// Keys of a curve, and the value of the first.
 fn keys(field: &Field, node: &Node, sources: &Sources) -> Result<(NumberCurve, Value), SceneFileError> {
-    let help = || Some(format!("write {} = [[frame, value], …], with frames that increase", field.name));
-    let wrong = |node: &Node, what: String| sources.error(&node.place, what, help());
-    let Value::Array(items) = &node.value else { return Err(wrong(node, field.expected())) };
+    let form = format!("{} = [[frame, value], …], with frames that increase", field.name);
+    let Value::Array(_) = &node.value else {
+        return Err(sources.error(&node.place, field.expected(), Some(format!("write {form}"))));
+    };
     let mut keys: NumberCurve = Vec::new();
     let mut first = None;
+    for (frame, value) in frames(field.name, &form, node, sources)? {
+        let checked =
+            fields::setting(&value.value).ok_or_else(|| field.expected()).and_then(|value| field.check(&value));
+        let wrong =
+            |what| sources.error(&value.place, format!("at frame {frame}: {what}"), Some(format!("write {form}")));
+        keys.push((frame, checked.map_err(wrong)?));
+        first.get_or_insert_with(|| value.value.clone());
+    }
+    // There is a key.
+    Ok((keys, first.unwrap_or_else(|| node.value.clone())))
+}
+
+/// Frames and values of the keys of a curve with this name; `form` shows how one is written.
+fn frames<'a>(
+    name: &str,
+    form: &str,
+    node: &'a Node,
+    sources: &Sources,
+) -> Result<Vec<(f64, &'a Node)>, SceneFileError> {
+    let wrong = |node: &Node, what: String| sources.error(&node.place, what, Some(format!("write {form}")));
+    let Value::Array(items) = &node.value else { return Ok(Vec::new()) };
+    let mut keys: Vec<(f64, &Node)> = Vec::new();
     for item in items {
-        let Value::Array(pair) = &item.value else {
-            return Err(wrong(item, format!("a key of `{}` has to be [frame, value]", field.name)));
+        let pair = match &item.value {
+            Value::Array(pair) => pair.as_slice(),
+            _ => &[],
         };
-        let [frame, value] = pair.as_slice() else {
-            return Err(wrong(item, format!("a key of `{}` has to be [frame, value]", field.name)));
+        let [frame, value] = pair else {
+            return Err(wrong(item, format!("a key of `{name}` has to be [frame, value]")));
         };
         let frame = match frame.value {
             Value::Integer(frame) => frame as f64,
             Value::Float(frame) if frame.is_finite() => frame,
-            _ => return Err(wrong(frame, format!("the frame of a key of `{}` has to be a number", field.name))),
+            _ => return Err(wrong(frame, format!("the frame of a key of `{name}` has to be a number"))),
         };
-        if keys.last().is_some_and(|(before, _)| *before >= frame) {
-            let before = keys.last().map_or(frame, |(before, _)| *before);
-            return Err(wrong(
-                item,
-                format!("frames of `{}` have to increase: {frame} comes after {before}", field.name),
-            ));
+        if let Some((before, _)) = keys.last().filter(|(before, _)| *before >= frame) {
+            return Err(wrong(item, format!("frames of `{name}` have to increase: {frame} comes after {before}")));
         }
-        let checked =
-            fields::setting(&value.value).ok_or_else(|| field.expected()).and_then(|value| field.check(&value));
-        keys.push((frame, checked.map_err(|what| wrong(value, format!("at frame {frame}: {what}")))?));
-        first.get_or_insert_with(|| value.value.clone());
+        keys.push((frame, value));
     }
-    let first = first.ok_or_else(|| wrong(node, format!("the curve of `{}` has no keys", field.name)))?;
-    Ok((keys, first))
+    if keys.is_empty() {
+        return Err(wrong(node, format!("the curve of `{name}` has no keys")));
+    }
+    Ok(keys)
 }
 
 /// Path of a number in the solver's description: objects by their names.

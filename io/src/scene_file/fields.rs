@@ -3,8 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use drapery_core::scene::number_curves::ChangingNumbers;
 use drapery_core::scene::{
-    BodyDescription, ContactRule, Described, PRESET, PinDescription, SeamDescription, SolverSettings,
+    BodyDescription, ContactRule, Described, ElasticDescription, GarmentDescription, PRESET, PinDescription,
+    SeamDescription, SolverSettings,
 };
 use drapery_core::settings::{Default, Field, SettingValue, Settings, Written};
 
@@ -22,6 +24,8 @@ pub(super) struct Rows {
     pub(super) rest: &'static str,
     /// Rows of the solver's description, and those that become other members of it.
     parts: [&'static [Field]; 2],
+    /// Names of the rows whose numbers may change over time.
+    changing: &'static [&'static str],
 }
 
 /// Every element of a list, in a path.
@@ -33,18 +37,31 @@ pub(super) const SHAPE: &str = "shape";
 /// Path of the bodies.
 const BODIES: &[&str] = &["body", EACH];
 
-pub(super) const TABLES: [Rows; 5] = [
-    Rows { path: &["solver"], rest: "Solver", parts: [SolverSettings::FIELDS, &[PRESET]] },
-    Rows { path: BODIES, rest: "Body", parts: [BodyDescription::FIELDS, &[]] },
-    Rows { path: &["garment", EACH, "pin", EACH], rest: "Pin", parts: [PinDescription::FIELDS, &[BIND]] },
-    Rows { path: &["seam", EACH], rest: "Seam", parts: [SeamDescription::FIELDS, &[PAIRING]] },
-    Rows { path: &["contact", EACH], rest: "Contact", parts: [ContactRule::FIELDS, &[]] },
+pub(super) const TABLES: [Rows; 7] = [
+    Rows { path: &["solver"], rest: "Solver", parts: [SolverSettings::FIELDS, &[PRESET]], changing: &[] },
+    Rows::of::<BodyDescription>(BODIES, "Body", &[]),
+    Rows::of::<GarmentDescription>(&["garment", EACH], "Garment", &[]),
+    Rows::of::<PinDescription>(&["garment", EACH, "pin", EACH], "Pin", &[BIND]),
+    Rows::of::<ElasticDescription>(&["garment", EACH, "elastic", EACH], "Elastic", &[]),
+    Rows::of::<SeamDescription>(&["seam", EACH], "Seam", &[PAIRING]),
+    Rows::of::<ContactRule>(&["contact", EACH], "Contact", &[]),
 ];
 
-/// Tables of which numbers may change over time, besides those of effects.
-pub(super) const CURVED: [&Rows; 2] = [&TABLES[1], &TABLES[4]];
-
 impl Rows {
+    /// The rows of a description, and those that become other members of it.
+    const fn of<T: ChangingNumbers>(
+        path: &'static [&'static str],
+        rest: &'static str,
+        others: &'static [Field],
+    ) -> Self {
+        Self { path, rest, parts: [T::FIELDS, others], changing: T::CHANGING }
+    }
+
+    /// Rows whose numbers may change over time.
+    pub(super) fn changing(&self) -> impl Iterator<Item = &'static Field> {
+        self.fields().filter(|field| self.changing.contains(&field.name))
+    }
+
     /// All rows.
     pub(super) fn fields(&self) -> impl Iterator<Item = &'static Field> {
         self.parts.into_iter().flatten()

@@ -7,8 +7,7 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 use drapery_core::mesh::{MeshStream, PolygonMesh};
-use drapery_core::scene::{GarmentDescription, Mass};
-use drapery_core::settings::Dimension;
+use drapery_core::scene::{Described, GarmentDescription, Mass};
 
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, GarmentReader};
@@ -93,12 +92,13 @@ impl Resolver<'_> {
         let Some((mesh, grid)) = self.garment_mesh(garment, path) else {
             return;
         };
-        let maps = self.maps(garment, path, &mesh);
+        let (maps, map_curves) = self.maps(garment, path, &mesh);
         let Some(start) = self.start(garment, path, &mesh, grid) else { return };
         let velocities = self.start_velocities(garment, path, mesh.point_count());
         let index = self.description.garments.len();
-        if !garment.pin.is_empty() {
-            let looks = garment.pin.iter().any(|pin| pin.region.is_some());
+        if !(garment.pin.is_empty() && garment.elastic.is_empty()) {
+            let looks = garment.pin.iter().any(|pin| pin.region.is_some())
+                || garment.elastic.iter().any(|band| band.region.is_some());
             let Some(places) = self.places(path, &mesh, start.as_deref(), looks) else { return };
             let read =
                 ReadGarment { points: mesh.point_count(), mesh: &mesh, places: &places, grid, units: garment.units };
@@ -106,10 +106,14 @@ impl Resolver<'_> {
                 let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
                 self.description.pins.extend(pin);
             }
+            for (number, band) in garment.elastic.iter().enumerate() {
+                let band = self.elastic(band, &path.clone().key("elastic").index(number), index, &read);
+                self.description.elastics.extend(band);
+            }
         }
-        let here = path.clone().key("thickness");
-        let thickness = self.quantity(&here, &garment.thickness, Dimension::Length);
-        let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
+        let settings = self.settings(path, GarmentDescription::FIELDS);
+        let (thickness, rest_scale) = (settings.number("thickness"), settings.number("rest_scale"));
+        let (Some(mass), Some(start_velocities)) = (mass, velocities) else { return };
         if let Some(written) = &garment.render_mesh {
             let Some(render_mesh) = self.render_mesh(garment, written, path) else { return };
             self.render_meshes.push(render_mesh);
@@ -119,8 +123,19 @@ impl Resolver<'_> {
         self.garments.push(mesh);
         self.grids.push(grid);
         let (name, mesh) = (garment.name.clone(), PolygonMesh::default());
-        let garment =
-            GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps };
+        let garment = GarmentDescription {
+            name,
+            mesh,
+            stream,
+            start,
+            velocity,
+            start_velocities,
+            mass,
+            thickness,
+            rest_scale,
+            maps,
+            map_curves,
+        };
         self.description.garments.push(garment);
     }
 
@@ -141,11 +156,9 @@ impl Resolver<'_> {
     }
 
     fn mass(&mut self, garment: &Garment, path: &Path) -> Option<Mass> {
-        match (&garment.density, garment.total_mass) {
-            (Some(density), None) => {
-                let here = path.clone().key("density");
-                self.quantity(&here, density, Dimension::ArealDensity).map(Mass::Density)
-            }
+        let settings = self.settings(path, GarmentDescription::FIELDS);
+        match (settings.optional("density"), settings.optional("total_mass")) {
+            (Some(density), None) => Some(Mass::Density(density)),
             (None, Some(total)) => Some(Mass::UniformTotal(total)),
             (None, None) => {
                 let help = "add density = \"150 g/m²\", total_mass in kg, or a material".to_owned();

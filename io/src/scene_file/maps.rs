@@ -1,7 +1,9 @@
 //! Painted maps of garments: attributes of the rest shape, or lists of numbers in files.
 
+use std::collections::BTreeMap;
+
 use drapery_core::mesh::MeshStream;
-use drapery_core::scene::vertex_maps::{PaintedMap, PaintedMaps};
+use drapery_core::scene::vertex_maps::{MapCurves, PaintedMap, PaintedMaps};
 
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
@@ -17,23 +19,38 @@ use super::tree::Path;
 const HELD: f64 = 0.5;
 
 impl Resolver<'_> {
-    /// Resolves the maps of a garment with so many points. Problems are recorded, and the map is then left out.
-    pub(super) fn maps(&mut self, garment: &Garment, path: &Path, mesh: &GarmentMesh) -> PaintedMaps {
-        let mut maps = PaintedMaps::new();
+    /// Resolves the maps of a garment, and those that change over time. Problems are recorded, and the map is then left out.
+    pub(super) fn maps(&mut self, garment: &Garment, path: &Path, mesh: &GarmentMesh) -> (PaintedMaps, MapCurves) {
+        let (mut maps, mut over_time) = (PaintedMaps::new(), MapCurves::new());
         let written = garment.maps.written();
+        let curves: BTreeMap<String, Vec<(f64, String)>> = {
+            let of = |name: &String| path.clone().key("maps").key(name);
+            let keys = |name: &String| self.scene.map_curves.iter().find(|curve| curve.path == of(name));
+            written.iter().filter_map(|(name, _)| Some((name.clone(), keys(name)?.keys.clone()))).collect()
+        };
+        let names = written.iter().map(|(_, name)| name).chain(curves.values().flatten().map(|(_, name)| name));
         let mut data = None;
-        if written.iter().any(|(_, name)| !name.starts_with(FILE)) {
+        if names.clone().any(|name| !name.starts_with(FILE)) {
             data = self.of_file(path, mesh.read());
         }
         for (of, name) in &written {
             let here = path.clone().key("maps").key(of.as_str());
-            let values = match name.strip_prefix(FILE) {
-                Some(file) => self.map_file(&here, file),
-                None => data.as_ref().and_then(|data| self.check(&here, attribute(data, name))),
+            let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);
+            let mut read = |name: &str| {
+                let values = match name.strip_prefix(FILE) {
+                    Some(file) => self.map_file(&here, file),
+                    None => data.as_ref().and_then(|data| self.check(&here, attribute(data, name))),
+                };
+                values.map(|values| PaintedMap { values, absolute })
             };
-            if let Some(values) = values {
-                let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);
-                maps.insert(of.clone(), PaintedMap { values, absolute });
+            match curves.get(of) {
+                Some(keys) => {
+                    let read = keys.iter().map(|(frame, name)| Some((*frame, read(name)?)));
+                    if let Some(curve) = read.collect::<Option<Vec<_>>>() {
+                        over_time.insert(of.clone(), curve);
+                    }
+                }
+                None => maps.extend(read(name).map(|map| (of.clone(), map))),
             }
         }
         for (index, absolute) in garment.absolute_maps.iter().enumerate() {
@@ -47,7 +64,7 @@ impl Resolver<'_> {
                 self.error_with(&here, format!("there is no map of `{absolute}`"), help);
             }
         }
-        maps
+        (maps, over_time)
     }
 
     /// The vertices of a garment where a map is above one half. Problems are recorded.

@@ -20,6 +20,7 @@
 //! Positions, velocities and times in the scene file are SI with Y up; `[units]` are those of the mesh files.
 
 mod bodies;
+mod channels;
 mod check;
 mod contacts;
 mod curves;
@@ -68,7 +69,7 @@ pub use resolved::names_file;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};
 
-use curves::Curve;
+use curves::{Curve, MapKeys};
 use tree::{Node, Origin, Path, Sources, Table};
 
 /// Version of the format that this program reads.
@@ -90,6 +91,8 @@ pub struct SceneFile {
     meshes: MemoryMeshes,
     /// Numbers that change over time.
     curves: Vec<Curve>,
+    /// Maps that change over time.
+    map_curves: Vec<MapKeys>,
 }
 
 /// Reads a scene file. `overrides` are the `--set` arguments: the name of a parameter or a dotted key, and its value.
@@ -149,7 +152,8 @@ pub fn parse_with(
     presets::fill_shot_name(&mut root, &stem);
     let (fabrics, material_files) = presets::fill(&mut root, &mut sources, &search.materials)?;
     search.maps.apply_to_files(&mut root);
-    let curves = curves::take(&mut root, &sources)?;
+    let curves = curves::take(&mut root, &sources, folder)?;
+    let map_curves = curves::take_maps(&mut root, &sources)?;
     effects::check_and_fill(&mut root, &sources)?;
     let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
     let own = fields::without(root.clone(), of_effects);
@@ -169,7 +173,19 @@ pub fn parse_with(
     root.fill_from(&defaults);
     let (folder, path) = (folder.to_owned(), PathBuf::new());
     let meshes = MemoryMeshes::default();
-    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path, meshes, curves })
+    Ok(SceneFile {
+        document,
+        root,
+        sources,
+        parameters,
+        fabrics,
+        material_files,
+        folder,
+        path,
+        meshes,
+        curves,
+        map_curves,
+    })
 }
 
 /// Keys that may stand at a path beside those that serde knows.

@@ -3,7 +3,9 @@
 use std::path::Path as FilePath;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{BodyShape, Described, PinAnchor, PinDescription, PinHold, PinTarget, SurfaceAttachment};
+use drapery_core::scene::{
+    BodyShape, Described, ElasticDescription, PinAnchor, PinDescription, PinHold, PinTarget, SurfaceAttachment,
+};
 use drapery_core::settings::{Member, Origin, Settings};
 use serde::Deserialize;
 
@@ -13,7 +15,7 @@ use crate::input_motion::InputMotion;
 use crate::units::Units;
 
 use super::deserialize::suggestion;
-use super::raw::{BIND, Bind, Corner, Pin, Region};
+use super::raw::{BIND, Bind, Corner, Elastic, Pin, Region};
 use super::resolve::{ReadGarment, Resolver, written};
 use super::tree::Path;
 
@@ -151,6 +153,36 @@ fn inside(region: Region, point: Vec3) -> bool {
 }
 
 impl Resolver<'_> {
+    /// Resolves one elastic band of a garment. Problems are recorded, and the band is then left out.
+    pub(super) fn elastic(
+        &mut self,
+        band: &Elastic,
+        path: &Path,
+        index: usize,
+        garment: &ReadGarment<'_>,
+    ) -> Option<ElasticDescription> {
+        let Elastic { vertices, nodes, region, map } = band;
+        let named = Named { vertices: vertices.as_deref(), corners: None, nodes: nodes.as_deref(), region: *region };
+        if named.ways() + usize::from(map.is_some()) != 1 {
+            self.error(path, "an elastic band needs exactly one of `vertices`, `nodes`, `where` and `map`");
+            return None;
+        }
+        let chosen = match map {
+            Some(name) => Ok(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
+            None => named.find(garment.places, garment.grid),
+        };
+        let chosen = chosen.and_then(|chosen| existing(chosen, garment.points, "elastic band"));
+        let vertices = self.check(path, chosen)?;
+        let settings = self.settings(path, ElasticDescription::FIELDS);
+        Some(ElasticDescription {
+            garment: index,
+            vertices,
+            stiffness: settings.number("stiffness"),
+            rest_scale: settings.number("rest_scale"),
+            damping_ratio: settings.number("damping_ratio"),
+        })
+    }
+
     /// Resolves one pin of a garment. Problems are recorded, and the pin is then left out.
     pub(super) fn pin(
         &mut self,
@@ -189,7 +221,12 @@ impl Resolver<'_> {
             let offsets = pin.path.iter().map(|(time, offset)| (*time, Vec3::from(*offset))).collect();
             PinTarget::Path { anchor, vertices, offsets }
         } else {
-            let help = "use \"start\", \"here\", \"track\", or \"body:\" and the name of a body".to_owned();
+            let help = match pin.to.strip_prefix("garment:") {
+                Some(name) => {
+                    format!("sew it: a [[seam]] with to = {{ garment = \"{name}\" }} and pairing = \"surface\"")
+                }
+                None => "use \"start\", \"here\", \"track\", or \"body:\" and the name of a body".to_owned(),
+            };
             self.error_with(&path.clone().key("to"), format!("a pin cannot follow \"{}\"", pin.to), help);
             return None;
         };

@@ -119,7 +119,11 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     }
     let resolved = resolved::write(
         scene,
-        &curves::put_back(thickness::root(scene, &resolver.description, &body_thickness), &scene.curves),
+        &curves::put_back(
+            thickness::root(scene, &resolver.description, &body_thickness),
+            &scene.curves,
+            &scene.map_curves,
+        ),
     );
     let unnamed = file_names::not_utf8(&named_files);
     Ok(ShotDescription {
@@ -384,13 +388,25 @@ impl Resolver<'_> {
     /// Hands the curves to the description. One that ends before the shot starts would never change its number.
     fn curves(&mut self) {
         let start = self.description.timeline.start;
-        for curves::Curve { path, number, keys, .. } in &self.scene.curves {
+        for curves::Curve { path, number, keys, file, .. } in &self.scene.curves {
+            file.iter().for_each(|file| self.takes(file.clone()));
+            // What never changes in a file holds for the whole shot.
+            if keys.len() == 1 && file.is_some() {
+                self.description.curves.insert(number.clone(), keys.clone());
+                continue;
+            }
             if let Some((last, _)) = keys.last().filter(|(last, _)| *last < start as f64) {
                 let what =
                     format!("this curve ends at frame {last}, before the first frame that is simulated, {start}");
                 self.error_with(path, what, "write keys within the shot, or one number".to_owned());
             }
             self.description.curves.insert(number.clone(), keys.clone());
+        }
+        for curves::MapKeys { path, keys, .. } in &self.scene.map_curves {
+            if let Some((last, _)) = keys.last().filter(|(last, _)| *last < start as f64) {
+                let what = format!("these maps end at frame {last}, before the first frame that is simulated, {start}");
+                self.error_with(path, what, "write keys within the shot, or one map".to_owned());
+            }
         }
     }
 
@@ -449,7 +465,7 @@ const BROADCAST: [(&str, u32); 6] =
     [("23.976", 24), ("23.98", 24), ("29.97", 30), ("47.952", 48), ("59.94", 60), ("119.88", 120)];
 
 /// Frames per second as a fraction.
-fn frame_rate(fps: &Quantity) -> Result<(u32, u32), String> {
+pub(super) fn frame_rate(fps: &Quantity) -> Result<(u32, u32), String> {
     let text = match fps {
         Quantity::Number(number) => number.to_string(),
         Quantity::Text(text) => text.trim().to_owned(),

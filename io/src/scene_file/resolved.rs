@@ -72,10 +72,7 @@ fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
             Value::Text(text) if !path.is_empty() && names_file(path, &entry.key) => {
                 Value::Text(absolute(scene, text).to_string_lossy().into_owned())
             }
-            Value::Text(text) if entry.key == MAP || path.ends_with(MAPS) => match text.strip_prefix(FILE) {
-                Some(file) => Value::Text(format!("{FILE}{}", absolute(scene, file).to_string_lossy())),
-                None => entry.node.value.clone(),
-            },
+            value if entry.key == MAP || path.ends_with(MAPS) => with_absolute_maps(scene, value),
             other => other.clone(),
         };
         let line = format!("{} = {}", entry.key, inline(&value));
@@ -97,6 +94,21 @@ fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
             }
             _ => {}
         }
+    }
+}
+
+/// The name of a map, or the keys of maps that change over time, with files as they are used.
+fn with_absolute_maps(scene: &SceneFile, value: &Value) -> Value {
+    match value {
+        Value::Text(text) => match text.strip_prefix(FILE) {
+            Some(file) => Value::Text(format!("{FILE}{}", absolute(scene, file).to_string_lossy())),
+            None => value.clone(),
+        },
+        Value::Array(items) => {
+            let of = |item: &Node| Node { value: with_absolute_maps(scene, &item.value), ..item.clone() };
+            Value::Array(items.iter().map(of).collect())
+        }
+        other => other.clone(),
     }
 }
 

@@ -33,8 +33,8 @@ pub fn schema() -> String {
     }
     for rows in &TABLES {
         if let Some(table) = schema.pointer_mut(&format!("/$defs/{}", rows.rest)) {
-            let is_curved = fields::CURVED.iter().any(|curved| curved.path == rows.path);
-            insert_fields(table, rows.fields(), is_curved);
+            let changing: Vec<&str> = rows.changing().map(|field| field.name).collect();
+            insert_fields(table, rows.fields(), |field| changing.contains(&field.name));
         }
     }
     if let Some(definitions) = schema.get_mut("$defs").and_then(Value::as_object_mut) {
@@ -42,6 +42,9 @@ pub fn schema() -> String {
         let description = "A number over time: [[frame, value], …].";
         let curve = json!({ "title": CURVE, "description": description, "type": "array", "items": key });
         definitions.insert(CURVE.to_owned(), curve);
+    }
+    if let Some(maps) = schema.pointer_mut("/$defs/Maps/properties").and_then(Value::as_object_mut) {
+        maps.values_mut().for_each(|form| *form = or_curve(form.take()));
     }
     if let Some(body) = schema.pointer_mut("/$defs/Body/properties") {
         body[SHAPE] = shape();
@@ -77,7 +80,7 @@ fn effect(spec: &EffectSpec) -> Value {
 /// A table of which every key has a row; its numbers may be curves.
 fn table(fields: &'static [Field], is_curved: bool) -> Value {
     let mut table = json!({ "type": "object", "required": [], "additionalProperties": false });
-    insert_fields(&mut table, fields.iter(), is_curved);
+    insert_fields(&mut table, fields.iter(), |field| is_curved && curves::may_change(field));
     table
 }
 
@@ -92,10 +95,10 @@ fn or_curve(mut form: Value) -> Value {
 }
 
 /// Adds keys that have rows to a table.
-fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>, is_curved: bool) {
+fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>, may_change: impl Fn(&Field) -> bool) {
     for row in fields {
         let form = field(row);
-        table["properties"][row.name] = if is_curved && curves::may_change(row) { or_curve(form) } else { form };
+        table["properties"][row.name] = if may_change(row) { or_curve(form) } else { form };
         if row.default.is_required()
             && let Some(required) = table["required"].as_array_mut()
         {

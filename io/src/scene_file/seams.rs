@@ -1,7 +1,8 @@
 //! Seams: which vertices of which garments, and when they close.
 
 use drapery_core::Vec3;
-use drapery_core::scene::{Described, SeamDescription};
+use drapery_core::geometry::surface_binding::SurfaceBinding;
+use drapery_core::scene::{Described, FacePoint, SeamDescription};
 use drapery_core::settings::Member;
 
 use super::deserialize::suggestion;
@@ -13,6 +14,9 @@ use super::tree::Path;
 /// Seconds over which a seam closes that does not say when, in a shot without a pre-roll.
 const CLOSING: f64 = 1.0;
 
+/// A second garment, pairs of vertices, and points on its faces.
+type Stitches = (usize, Vec<[u32; 2]>, Vec<FacePoint>);
+
 /// Vertices of one side, and where they start.
 struct Side {
     garment: usize,
@@ -23,25 +27,22 @@ struct Side {
 impl Resolver<'_> {
     /// Resolves one seam. Problems are recorded, and the seam is then left out.
     pub(super) fn seam(&mut self, seam: &Seam, path: &Path) {
-        let from = self.seam_side(&seam.from, &path.clone().key("from"));
-        let to = self.seam_side(&seam.to, &path.clone().key("to"));
-        let (Some(from), Some(to)) = (from, to) else { return };
-        let zip = self.settings(path, SeamDescription::FIELDS).flag("zip");
-        let sorted = |side: Side, written: &SeamSide| if zip && written.region.is_some() { side.along() } else { side };
-        let (from, to) = (sorted(from, &seam.from), sorted(to, &seam.to));
+        let settings = self.settings(path, SeamDescription::FIELDS);
         let pairing = Pairing::of(&self.settings(path, &[PAIRING]), PAIRING.name);
-        let both_listed = seam.from.vertices.is_some() && seam.to.vertices.is_some();
-        let in_order = pairing == Pairing::Order || (pairing == Pairing::Auto && both_listed);
-        if in_order && from.vertices.len() != to.vertices.len() {
-            let (a, b) = (from.vertices.len(), to.vertices.len());
-            let help = "give both sides as many vertices, or write pairing = \"nearest\"".to_owned();
-            self.error_with(path, format!("one side of this seam has {a} vertices, the other {b}"), help);
-            return;
-        }
+        let Some(from) = self.seam_side(&seam.from, &path.clone().key("from")) else { return };
+        let zip = settings.flag("zip");
+        let sorted = |side: Side, written: &SeamSide| if zip && written.region.is_some() { side.along() } else { side };
+        let from = sorted(from, &seam.from);
+        let stitches = if pairing == Pairing::Surface {
+            self.to_surface(&from, &seam.to, &path.clone().key("to"))
+        } else {
+            let to = self.seam_side(&seam.to, &path.clone().key("to")).map(|to| sorted(to, &seam.to));
+            to.and_then(|to| self.to_vertices(&from, &to, (seam, pairing), path))
+        };
+        let Some((to, pairs, faces)) = stitches else { return };
         let timeline = self.description.timeline;
         let start = timeline.time(timeline.start);
         let closed = if timeline.start < timeline.origin { 0.0 } else { CLOSING };
-        let settings = self.settings(path, SeamDescription::FIELDS);
         let starts = settings.optional("start").unwrap_or(start);
         let (key, ends) = settings.optional("closed").map_or(("start", closed), |closed| ("closed", closed));
         if ends < starts {
@@ -51,8 +52,10 @@ impl Resolver<'_> {
             self.error_with(&path.clone().key(key), what, help);
         }
         self.description.seams.push(SeamDescription {
-            garments: [from.garment, to.garment],
-            pairs: if in_order { in_turn(&from, &to) } else { to_nearest(&from, &to) },
+            garments: [from.garment, to],
+            pairs,
+            faces,
+            keeps_gap: settings.flag("keep_gap"),
             from: starts,
             until: ends,
             opens: settings.optional("opens"),
@@ -61,30 +64,78 @@ impl Resolver<'_> {
             rest_gap: settings.optional("rest_gap"),
             stiffness: settings.number("strength"),
             damping_ratio: settings.number("damping_ratio"),
+            break_force: settings.optional("break_force"),
         });
     }
 
-    fn seam_side(&mut self, side: &SeamSide, path: &Path) -> Option<Side> {
+    /// The second garment, and the pairs of vertices.
+    fn to_vertices(
+        &mut self,
+        from: &Side,
+        to: &Side,
+        (seam, pairing): (&Seam, Pairing),
+        path: &Path,
+    ) -> Option<Stitches> {
+        let both_listed = seam.from.vertices.is_some() && seam.to.vertices.is_some();
+        let in_order = pairing == Pairing::Order || (pairing == Pairing::Auto && both_listed);
+        if in_order && from.vertices.len() != to.vertices.len() {
+            let (a, b) = (from.vertices.len(), to.vertices.len());
+            let help = "give both sides as many vertices, or write pairing = \"nearest\"".to_owned();
+            self.error_with(path, format!("one side of this seam has {a} vertices, the other {b}"), help);
+            return None;
+        }
+        let pairs = if in_order { in_turn(from, to) } else { to_nearest(from, to) };
+        Some((to.garment, pairs, Vec::new()))
+    }
+
+    /// The second garment, and the nearest point of its faces for each vertex.
+    fn to_surface(&mut self, from: &Side, to: &SeamSide, path: &Path) -> Option<Stitches> {
+        let garment = self.seam_garment(to, path)?;
+        if named(to).ways() != 0 {
+            let what = "with `pairing = \"surface\"` this side names the garment alone";
+            self.error_with(path, what, "leave its vertices out, or write pairing = \"nearest\"".to_owned());
+            return None;
+        }
+        if garment == from.garment {
+            let what = "a garment cannot be sewn to its own surface: the nearest face is the vertex's own";
+            self.error_with(path, what, "name another garment, or vertices".to_owned());
+            return None;
+        }
+        let mesh = self.garments[garment].clone();
+        let data = self.of_file(path, mesh.read())?;
+        let start = self.description.garments[garment].start.clone();
+        let places = start.unwrap_or_else(|| data.mesh.points.clone());
+        let (mut triangles, _) = data.mesh.triangulate();
+        let at = |v: u32| places[v as usize];
+        triangles.retain(|[a, b, c]| (at(*b) - at(*a)).cross(&(at(*c) - at(*a))).norm() > 0.0);
+        let Some(bound) = SurfaceBinding::new(places, triangles, &from.start, &[]) else {
+            self.error(path, format!("garment \"{}\" has no faces to sew to", to.garment));
+            return None;
+        };
+        let points = from.vertices.iter().zip(bound.places());
+        let faces = points.map(|(vertex, (corners, weights))| FacePoint { vertex: *vertex, corners, weights });
+        Some((garment, Vec::new(), faces.collect()))
+    }
+
+    /// The garment of a side.
+    fn seam_garment(&mut self, side: &SeamSide, path: &Path) -> Option<usize> {
         let names: Vec<&str> = self.description.garments.iter().map(|garment| garment.name.as_str()).collect();
-        let Some(garment) = names.iter().position(|name| *name == side.garment) else {
+        let found = names.iter().position(|name| *name == side.garment);
+        if found.is_none() {
             // A garment that could not be read has been reported already.
             let written: Vec<&str> = self.scene.document.garment.iter().map(|g| g.name.as_str()).collect();
             if !written.contains(&side.garment.as_str()) {
                 let help = suggestion(&side.garment, &written);
-                self.error_with(
-                    &path.clone().key("garment"),
-                    format!("there is no garment \"{}\"", side.garment),
-                    help,
-                );
+                let what = format!("there is no garment \"{}\"", side.garment);
+                self.error_with(&path.clone().key("garment"), what, help);
             }
-            return None;
-        };
-        let named = Named {
-            vertices: side.vertices.as_deref(),
-            corners: side.corners.as_deref(),
-            nodes: side.nodes.as_deref(),
-            region: side.region,
-        };
+        }
+        found
+    }
+
+    fn seam_side(&mut self, side: &SeamSide, path: &Path) -> Option<Side> {
+        let garment = self.seam_garment(side, path)?;
+        let named = named(side);
         if named.ways() != 1 {
             self.error(path, "a side of a seam needs exactly one of `vertices`, `corners`, `nodes` and `where`");
             return None;
@@ -98,6 +149,16 @@ impl Resolver<'_> {
         let with_places = found.map(|vertices| (places(&vertices), vertices));
         let (start, vertices) = self.check(path, with_places)?;
         Some(Side { garment, vertices, start })
+    }
+}
+
+/// The vertices that a side names.
+fn named(side: &SeamSide) -> Named<'_> {
+    Named {
+        vertices: side.vertices.as_deref(),
+        corners: side.corners.as_deref(),
+        nodes: side.nodes.as_deref(),
+        region: side.region,
     }
 }
 

@@ -5,7 +5,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{BrokenAttachment, FrameSummary, GarmentStrains, Recovery, StrainRecord};
+use drapery_core::simulation::{BrokenHold, FrameSummary, GarmentStrains, HoldOwner, Recovery, StrainRecord};
 use drapery_io::error::IoError;
 use drapery_io::memory::resident_bytes;
 use drapery_io::written_file;
@@ -179,9 +179,21 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
     }
-    if !summary.broken.is_empty() {
-        let broken = |b: &BrokenAttachment| json!({"garment": b.garment, "vertex": b.vertex, "pin": b.pin});
-        record["broken_attachments"] = summary.broken.iter().map(broken).collect();
+    let of_pin = |broken: &BrokenHold| match broken.of {
+        HoldOwner::Pin(pin) => Some(json!({"garment": broken.garment, "vertex": broken.vertex, "pin": pin})),
+        HoldOwner::Seam(_) => None,
+    };
+    let of_seam = |broken: &BrokenHold| match broken.of {
+        HoldOwner::Seam(seam) => Some(json!({"garment": broken.garment, "vertex": broken.vertex, "seam": seam})),
+        HoldOwner::Pin(_) => None,
+    };
+    for (key, broken) in [
+        ("broken_attachments", summary.broken.iter().filter_map(of_pin).collect::<Vec<_>>()),
+        ("broken_stitches", summary.broken.iter().filter_map(of_seam).collect()),
+    ] {
+        if !broken.is_empty() {
+            record[key] = broken.into();
+        }
     }
     record
 }

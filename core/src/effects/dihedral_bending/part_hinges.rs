@@ -492,7 +492,7 @@ impl Plastic for PartHinges {
     }
 
     fn save_elements(&self, rows: &mut ElementRows) {
-        for (n, fold) in self.folds.iter().enumerate().filter(|(n, fold)| fold.has_yielded && self.counts(*n)) {
+        for (n, fold) in self.folds.iter().enumerate().filter(|(_, fold)| fold.has_yielded) {
             rows.insert(self.hinges[n].vertices, [self.hinges[n].rest_angle, fold.yield_angle]);
         }
     }

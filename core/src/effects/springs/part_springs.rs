@@ -75,7 +75,7 @@ const _: () = assert!(PART_SIZE <= u16::MAX as usize, "rows number the vertices 
 type Entry = (usize, usize, usize);
 
 /// Sorts the springs of a garment into its parts.
-pub(super) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) -> (Vec<PartForce>, usize) {
+pub(in crate::effects) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) -> (Vec<PartForce>, usize) {
     let SpringNetwork { elements, stiffnesses, damping_ratios, shortest, measures_strain, curve } = *network;
     let (parts, masses) = (scene.parts(), scene.masses());
     let first = parts.garment(garment).start;

@@ -8,12 +8,12 @@ use crate::geometry::attachment::SurfaceAttachment;
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh};
 use crate::parallel::message::{Codec, Decoder, codec};
-use crate::scene::seam_pairs::Sewn;
+use crate::scene::seam_pairs::{Sewn, SewnTo};
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, BodyShape, ContactRule, ContactSide, EffectRequest, GarmentDescription, Integrator, Mass,
-    MergedVertex, PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription,
-    SeamDescription, Timeline, WindGridShape,
+    BodyDescription, BodyShape, ContactRule, ContactSide, EffectRequest, ElasticDescription, FacePoint,
+    GarmentDescription, Integrator, Mass, MergedVertex, PinAnchor, PinDescription, PinHold, PinTarget, Pinned,
+    RigidMotion, SceneDescription, SeamDescription, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -21,8 +21,9 @@ codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
 codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2 });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
-codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });
+codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, maps, map_curves });
 codec!(struct PaintedMap { values, absolute });
+codec!(struct ElasticDescription { garment, vertices, stiffness, rest_scale, damping_ratio });
 codec!(enum Shape {
     0 => HalfSpace,
     1 => Sphere { radius },
@@ -45,14 +46,16 @@ codec!(enum PinTarget {
 codec!(struct PinDescription { garment, target, axes, from, until, hold });
 codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 codec!(struct EffectRequest { effect, garment, settings, sources, because });
-codec!(struct SeamDescription { garments, pairs, from, until, opens, opened, zip, rest_gap, stiffness, damping_ratio });
+codec!(struct SeamDescription { garments, pairs, faces, keeps_gap, from, until, opens, opened, zip, rest_gap, stiffness, damping_ratio, break_force });
 codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body) });
 codec!(struct ContactRule { between, ignore, friction, thickness });
 codec!(struct WindGridShape { origin, spacing, counts });
-codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, contacts, curves, wind, effects, left_out });
+codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, elastics, seams, contacts, curves, wind, effects, left_out });
 codec!(struct Pinned { number, pin, row, vertex, attachment });
 codec!(struct MergedVertex { vertex, leader, offset });
-codec!(struct Sewn { number, seam, ends, gap, share });
+codec!(enum SewnTo { 0 => Vertex(vertex), 1 => Face { corners, weights } });
+codec!(struct Sewn { number, seam, vertex, to, gap, share });
+codec!(struct FacePoint { vertex, corners, weights });
 
 /// Only rank 0 reads.
 impl Codec for Option<Arc<dyn MeshStream>> {

@@ -19,9 +19,12 @@ use crate::parallel::message::codec;
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
-use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
-use crate::scene::vertex_maps::PaintedMap;
-use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, Scene, SceneDescription};
+use crate::scene::seam_pairs::{Sewn, SewnTo, partners, sewn_to};
+use crate::scene::vertex_maps::{self, PaintedMap};
+use crate::scene::{
+    ElasticDescription, GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, Scene, SceneDescription,
+    SeamDescription,
+};
 use crate::setup::distribute::bisection;
 use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
 use crate::setup::distribute::even_blocks::{BlockOfMesh, MeshSize};
@@ -96,7 +99,7 @@ pub(crate) struct SceneScatter {
     columns: Vec<Columns>,
     pins: Vec<PinDescription>,
     /// Pairs of each seam, on rank 0.
-    pairs: Vec<Vec<[u32; 2]>>,
+    stitches: Vec<Vec<(u32, SewnTo)>>,
 }
 
 impl SceneScatter {
@@ -104,11 +107,12 @@ impl SceneScatter {
     /// description.
     pub(crate) fn begin(ranks: &Ranks, description: Option<SceneDescription>, problems: &mut Vec<Problem>) -> Self {
         let mut meshes = Vec::new();
-        let (mut columns, mut pins, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut columns, mut pins, mut stitches) = (Vec::new(), Vec::new(), Vec::new());
         let outline = description.map(|mut description| {
             pins.clone_from(&description.pins);
-            pairs = description.seams.iter_mut().map(|seam| std::mem::take(&mut seam.pairs)).collect();
+            stitches = description.seams.iter_mut().map(SeamDescription::take_stitches).collect();
             description.pins.iter_mut().for_each(forget_vertices);
+            add_columns(&mut description);
             let size = |g: &GarmentDescription| MeshSize { points: g.point_count(), faces: g.face_count() };
             let sizes = description.garments.iter().map(size).collect();
             for garment in &mut description.garments {
@@ -132,7 +136,7 @@ impl SceneScatter {
         let assignment = partition.balance(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
         let points_of = blocks.iter().map(|block| block.points_of.clone()).collect();
-        Self { description, partition, assignment, starts, blocks, points_of, columns, pins, pairs }
+        Self { description, partition, assignment, starts, blocks, points_of, columns, pins, stitches }
     }
 
     /// This rank's pieces of the scene, as [`assemble`] leaves them; there are no problems so far. All ranks call it together.
@@ -330,31 +334,43 @@ impl SceneScatter {
         all
     }
 
-    /// Every sewn pair of the scene, on rank 0.
+    /// Every stitch of the scene, on rank 0.
     fn sewn(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> Vec<Sewn> {
-        let sides = || self.description.seams.iter().zip(&self.pairs);
+        let seams = || self.description.seams.iter().zip(&self.stitches);
         let of_garment = |g: usize| {
-            let of_side = |side: usize| {
-                let seams = sides().filter(move |(seam, _)| seam.garments[side] == g);
-                seams.flat_map(move |(_, pairs)| pairs.iter().map(move |pair| pair[side]))
-            };
-            let vertices: Vec<u32> = of_side(0).chain(of_side(1)).collect();
+            let sewn = |side: usize| seams().filter(move |(seam, _)| seam.garments[side] == g);
+            let near = sewn(0).flat_map(|(_, stitches)| stitches.iter().map(|(vertex, _)| *vertex));
+            let far = sewn(1).flat_map(|(_, stitches)| stitches.iter().flat_map(|(_, to)| to.vertices()).copied());
+            let first_sides = near.clone().count();
+            let vertices: Vec<u32> = near.chain(far).collect();
             let numbers = self.numbers(ranks, g, &vertices, &places[g]);
             let at = self.starts_at(ranks, g, &numbers, &owns[g]);
-            let first_sides = of_side(0).count();
             let mut ends: Vec<(u32, Vec3)> = numbers.into_iter().zip(at).collect();
             let second = ends.split_off(first_sides);
             [ends.into_iter(), second.into_iter()]
         };
         let mut ends: Vec<[_; 2]> = (0..places.len()).map(of_garment).collect();
         let mut all = Vec::new();
-        for (number, (seam, pairs)) in sides().enumerate() {
-            let [a, b] = seam.garments;
-            let first: Vec<_> = ends[a][0].by_ref().take(pairs.len()).collect();
-            let share = |pair: usize| [pair, pair + 1].map(|end| end as f64 / pairs.len() as f64);
-            for (pair, ((p, x), (q, y))) in first.into_iter().zip(ends[b][1].by_ref()).enumerate() {
-                let (number_of_pair, gap) = (all.len() as u32, (x - y).norm());
-                all.push(Sewn { number: number_of_pair, seam: number, ends: [p, q], gap, share: share(pair) });
+        // Other ranks have no stitches, and only answer.
+        for (seam, (description, stitches)) in seams().enumerate() {
+            let [a, b] = description.garments;
+            let share = |stitch: usize| [stitch, stitch + 1].map(|end| end as f64 / stitches.len() as f64);
+            for (stitch, (_, to)) in stitches.iter().enumerate() {
+                let Some((vertex, x)) = ends[a][0].next() else { break };
+                let (mut y, mut weights) = (Vec3::zeros(), to.weights().iter());
+                let to = to.renumbered(|unknown| {
+                    let (number, place) = ends[b][1].next().unwrap_or((unknown, x));
+                    y += place * weights.next().copied().unwrap_or_default();
+                    number
+                });
+                all.push(Sewn {
+                    number: all.len() as u32,
+                    seam,
+                    vertex,
+                    to,
+                    gap: (x - y).norm(),
+                    share: share(stitch),
+                });
             }
         }
         all
@@ -385,6 +401,28 @@ impl SceneScatter {
             velocities: own.velocities,
             maps: maps.into_iter().zip(own.maps).map(|(far, own)| between(far, below, own)).collect(),
             triangles: near,
+        }
+    }
+}
+
+/// Makes maps of what is handed out as they are: the vertices of elastic bands, and the keys of maps that change over time.
+fn add_columns(description: &mut SceneDescription) {
+    let SceneDescription { elastics, garments, .. } = description;
+    for (number, band) in elastics.iter_mut().enumerate() {
+        // Numbers that do not fit have been reported.
+        let Some(garment) = garments.get_mut(band.garment) else { continue };
+        let mut values = vec![0.0; garment.point_count()];
+        for vertex in std::mem::take(&mut band.vertices) {
+            values.get_mut(vertex as usize).into_iter().for_each(|value| *value = 1.0);
+        }
+        garment.maps.insert(ElasticDescription::map(number), PaintedMap { values, absolute: true });
+    }
+    for garment in garments {
+        let GarmentDescription { maps, map_curves, .. } = garment;
+        for (of, keys) in map_curves {
+            for (number, (_, map)) in keys.iter_mut().enumerate() {
+                maps.insert(vertex_maps::column(of, number), std::mem::take(map));
+            }
         }
     }
 }

@@ -100,7 +100,7 @@ impl SubMesh {
             .collect();
         triangles.sort_unstable();
         Self {
-            rest: vertices.iter().map(|v| mesh.rest_positions()[*v as usize]).collect(),
+            rest: vertices.iter().map(|v| mesh.modelled_positions()[*v as usize]).collect(),
             vertices: vertices.iter().map(numbers).collect(),
             maps: scene.painted[garment].values().map(|map| painted(map, &vertices)).collect(),
             triangles,

@@ -2,8 +2,11 @@
 
 use crate::effects;
 use crate::error::Problem;
-use crate::scene::number_curves::{NumberCurve, NumberPlace};
-use crate::scene::{BodyDescription, ContactRule, Described, SceneDescription};
+use crate::scene::number_curves::{ChangingNumbers, NumberCurve, NumberPlace};
+use crate::scene::{
+    BodyDescription, ContactRule, ElasticDescription, GarmentDescription, PinDescription, SceneDescription,
+    SeamDescription,
+};
 use crate::settings::{Field, SettingValue};
 
 /// Paths, keys and values of the curves of a scene.
@@ -13,10 +16,18 @@ pub(crate) fn check_curves(description: &SceneDescription, problems: &mut Vec<Pr
             problems.push(Problem::scene(format!("curve of {path}"), what, advice));
         }
     }
+    for garment in &description.garments {
+        for (of, curve) in &garment.map_curves {
+            if let Err((what, advice)) = check_keys(curve.iter().map(|(frame, _)| *frame)) {
+                let place = format!("garment \"{}\", map of {of} over time", garment.name);
+                problems.push(Problem::scene(place, what, advice));
+            }
+        }
+    }
 }
 
 fn check_curve(description: &SceneDescription, path: &str, curve: &NumberCurve) -> Result<(), (String, String)> {
-    check_keys(curve)?;
+    check_keys(curve.iter().map(|(frame, _)| *frame))?;
     for (frame, value) in curve {
         check_number(description, path, value)
             .map_err(|what| (format!("at frame {frame}: {what}"), "correct this key".to_owned()))?;
@@ -25,18 +36,19 @@ fn check_curve(description: &SceneDescription, path: &str, curve: &NumberCurve) 
 }
 
 /// Frames that are no numbers or do not increase.
-fn check_keys(curve: &NumberCurve) -> Result<(), (String, String)> {
+fn check_keys(frames: impl Iterator<Item = f64>) -> Result<(), (String, String)> {
     let advice = || "write [[frame, value], …] with frames that increase".to_owned();
-    if curve.is_empty() {
-        return Err(("it has no keys".into(), advice()));
+    let mut before = None;
+    for frame in frames {
+        if !frame.is_finite() {
+            return Err((format!("{frame} is no frame"), advice()));
+        }
+        if let Some(before) = before.filter(|before| *before >= frame) {
+            return Err((format!("frame {frame} comes after frame {before}"), advice()));
+        }
+        before = Some(frame);
     }
-    if let Some((frame, _)) = curve.iter().find(|(frame, _)| !frame.is_finite()) {
-        return Err((format!("{frame} is no frame"), advice()));
-    }
-    match curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
-        Some(pair) => Err((format!("frame {} comes after frame {}", pair[1].0, pair[0].0), advice())),
-        None => Ok(()),
-    }
+    before.map(drop).ok_or_else(|| ("it has no keys".into(), advice()))
 }
 
 /// Checks a value of the number at a path.
@@ -46,19 +58,28 @@ fn check_keys(curve: &NumberCurve) -> Result<(), (String, String)> {
 pub(crate) fn check_number(description: &SceneDescription, path: &str, value: &SettingValue) -> Result<(), String> {
     let unknown = || format!("the scene has no number `{path}`");
     let place = description.number_place(path).ok_or_else(unknown)?;
-    let (fields, key): (&[Field], &str) = match &place {
+    let field = match &place {
         NumberPlace::Effect(effect, key) => {
             let spec = effects::find(&description.effects[*effect].effect).ok_or_else(unknown)?;
-            (spec.fields, key)
+            spec.fields.iter().find(|field| field.name == key)
         }
-        NumberPlace::Body(_, key) => (BodyDescription::FIELDS, key),
-        NumberPlace::Contact(_, key) => (ContactRule::FIELDS, key),
+        NumberPlace::Garment(_, key) => changing::<GarmentDescription>(key),
+        NumberPlace::Pin(_, key) => changing::<PinDescription>(key),
+        NumberPlace::Elastic(_, key) => changing::<ElasticDescription>(key),
+        NumberPlace::Body(_, key) => changing::<BodyDescription>(key),
+        NumberPlace::Seam(_, key) => changing::<SeamDescription>(key),
+        NumberPlace::Contact(_, key) => changing::<ContactRule>(key),
     };
-    let field = fields.iter().find(|field| field.name == key).ok_or_else(unknown)?;
+    let field = field.ok_or_else(unknown)?;
     match value {
         SettingValue::Number(_) | SettingValue::Vector(_) => field.check(value).map(drop),
         _ => Err(field.expected()),
     }
+}
+
+/// The row of a number that may change over time.
+fn changing<T: ChangingNumbers>(key: &str) -> Option<&'static Field> {
+    T::FIELDS.iter().find(|field| field.name == key && T::CHANGING.contains(&key))
 }
 
 #[cfg(test)]

@@ -1,19 +1,27 @@
 //! Checks of painted maps and of seams.
 
+use std::collections::BTreeSet;
+
 use super::{check_values, report};
 use crate::effects::registry::maps;
 use crate::effects::spec::{EffectSpec, MapSpec};
 use crate::error::Problem;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, Described, GarmentDescription, LARGEST_DENSITY, LARGEST_THICKNESS, Mass, PinDescription,
-    SMALLEST_DENSITY, SceneDescription,
+    BodyDescription, Described, FacePoint, GarmentDescription, LARGEST_DENSITY, LARGEST_THICKNESS, Mass,
+    PinDescription, SMALLEST_DENSITY, SceneDescription,
 };
 use crate::settings::{Field, Settings, Written, short};
 
+/// The maps of a garment, and the keys of those that change over time, by what they are of.
+fn all_maps(garment: &GarmentDescription) -> impl Iterator<Item = (&String, &PaintedMap)> {
+    let keys = garment.map_curves.iter().flat_map(|(of, curve)| curve.iter().map(move |(_, map)| (of, map)));
+    garment.maps.iter().chain(keys)
+}
+
 /// Names and values of painted maps.
 pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
-    for (name, map) in &garment.maps {
+    for (name, map) in all_maps(garment) {
         let place = format!("garment \"{}\", map of {name}", garment.name);
         let known = maps().find(|(known, _)| known.name == name);
         if known.is_none() {
@@ -49,7 +57,8 @@ pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
 /// Maps of what nothing in the scene looks at.
 pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (g, garment) in description.garments.iter().enumerate() {
-        for (map, looker) in maps().filter(|(map, _)| garment.maps.contains_key(map.name)) {
+        let is_painted = |name: &str| garment.maps.contains_key(name) || garment.map_curves.contains_key(name);
+        for (map, looker) in maps().filter(|(map, _)| is_painted(map.name)) {
             let Some(looker) = looker.map(|spec| spec.name) else { continue };
             // A map of what was left out is left out with it.
             if description.left_out.iter().any(|out| out == looker) {
@@ -66,10 +75,11 @@ pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut
             }
         }
         for (map, looker) in maps() {
-            let Some(painted) = garment.maps.get(map.name) else { continue };
             let place = format!("garment \"{}\", map of {}", garment.name, map.name);
-            for varied in Varied::all(description, g, (map, looker)) {
-                varied.check(painted, &place, problems);
+            for (_, painted) in all_maps(garment).filter(|(of, _)| *of == map.name) {
+                for varied in Varied::all(description, g, (map, looker)) {
+                    varied.check(painted, &place, problems);
+                }
             }
         }
     }
@@ -155,6 +165,25 @@ impl Varied {
     }
 }
 
+/// Vertices and numbers of elastic bands.
+pub(crate) fn check_elastics(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (number, band) in description.elastics.iter().enumerate() {
+        let place = format!("elastic {number}");
+        let Some(garment) = description.garments.get(band.garment) else {
+            let what = "it names a garment that does not exist";
+            problems.push(Problem::scene(place, what, "correct its garment"));
+            continue;
+        };
+        let place = format!("garment \"{}\", {place}", garment.name);
+        let count = garment.point_count();
+        if let Some(vertex) = band.vertices.iter().find(|vertex| **vertex as usize >= count) {
+            let what = format!("vertex {vertex} does not exist: the garment has {count}, numbered from 0");
+            problems.push(Problem::scene(&place, what, "use vertex numbers of this mesh"));
+        }
+        check_values(&place, band, problems);
+    }
+}
+
 /// Names, pairs, numbers and times of seams.
 pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (s, seam) in description.seams.iter().enumerate() {
@@ -186,10 +215,43 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
             }
             _ => {}
         }
-        if seam.pairs.is_empty() {
-            refuse("it has no pairs".into(), "list the vertices to sew");
+        if let Some(point) =
+            seam.faces.iter().find(|p| p.vertex as usize >= a || p.corners.iter().any(|c| *c as usize >= b))
+        {
+            let FacePoint { vertex, corners, .. } = point;
+            refuse(
+                format!("vertex {vertex} is sewn to the face {corners:?}, but its garments have {a} and {b} vertices"),
+                "correct the numbers; they count from 0",
+            );
+        } else if let Some(point) =
+            seam.faces.iter().find(|p| seam.garments[0] == seam.garments[1] && p.corners.contains(&p.vertex))
+        {
+            refuse(format!("vertex {} is sewn to a face of its own", point.vertex), "sew it to another face");
+        }
+        let is_barycentric = |p: &&FacePoint| (p.weights.iter().sum::<f64>() - 1.0).abs() <= 1e-9;
+        if let Some(point) = seam.faces.iter().find(|p| !is_barycentric(p)) {
+            let what = format!("the weights of the face of vertex {} do not add up to one", point.vertex);
+            refuse(what, "give barycentric weights");
+        }
+        if seam.stitches() == 0 {
+            refuse("it has no stitches".into(), "list the vertices to sew");
         }
         check_values(&format!("seam {s}"), seam, problems);
+    }
+    check_breakable_stitches(description, problems);
+}
+
+/// Stitches that can break are known by their vertices.
+fn check_breakable_stitches(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    let mut seen = BTreeSet::new();
+    for (s, seam) in description.seams.iter().enumerate().filter(|(_, seam)| seam.break_force.is_some()) {
+        let pairs = seam.pairs.iter().map(|[p, q]| (*p, [*q; 3]));
+        let faces = seam.faces.iter().map(|point| (point.vertex, point.corners));
+        let twice = pairs.chain(faces).find(|(vertex, to)| !seen.insert((seam.garments, *vertex, *to)));
+        if let Some((vertex, _)) = twice {
+            let what = format!("vertex {vertex} is sewn twice to the same place by seams with a `break_force`");
+            problems.push(Problem::scene(format!("seam {s}"), what, "leave one of the two stitches out"));
+        }
     }
 }
 

@@ -32,7 +32,7 @@ use crate::setup::distribute::submesh;
 use contacts::check_contacts;
 use curves::check_curves;
 pub(crate) use curves::check_number;
-use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
+use maps_and_seams::{check_elastics, check_maps, check_maps_are_used, check_seams};
 use unused::check_unused;
 
 impl Scene {
@@ -67,12 +67,17 @@ impl Scene {
     }
 
     /// Adds what follows from a rank's pieces.
-    fn derive(mut self) -> Self {
+    pub(crate) fn derive(mut self) -> Self {
+        // Masses and tolerances are those of the shape as it was modelled.
+        let meshes = std::mem::take(&mut self.meshes).into_iter();
+        self.meshes = meshes.map(|mesh| mesh.scaled(1.0)).collect();
         let Self { description, parts, meshes, painted, .. } = &self;
         let isolated = isolated(parts, meshes);
         let masses = masses(description, parts, meshes, painted, isolated.as_deref());
         self.mean_edge = mean_edge(parts, meshes);
         (self.masses, self.isolated) = (masses, isolated);
+        let meshes = std::mem::take(&mut self.meshes).into_iter().zip(&self.description.garments);
+        self.meshes = meshes.map(|(mesh, garment)| mesh.scaled(garment.rest_scale)).collect();
         self
     }
 }
@@ -90,6 +95,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
         check_body(body, &mut problems);
     }
     check_pins(description, &mut problems);
+    check_elastics(description, &mut problems);
     check_seams(description, &mut problems);
     check_contacts(description, &mut problems);
     check_curves(description, &mut problems);
@@ -243,20 +249,7 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     if garment.point_count() == 0 {
         problems.push(Problem::data(place(""), "it has no points", "export a mesh with polygons; its file is empty"));
     }
-    match garment.mass {
-        Mass::Density(m) | Mass::UniformTotal(m) if !(m > 0.0 && m.is_finite()) => {
-            problems.push(Problem::scene(
-                place(", density"),
-                format!("the mass {m} is not positive"),
-                "cloth weighs 0.03 to 1 kg/m²",
-            ));
-        }
-        _ => {}
-    }
-    if !(garment.thickness > 0.0 && garment.thickness.is_finite()) {
-        let what = format!("the thickness {} m is not positive", garment.thickness);
-        problems.push(Problem::scene(place(", thickness"), what, "cloth is 0.1 to 2 mm thick"));
-    }
+    check_values(&place(""), garment, problems);
     if !is_possible(&garment.velocity) {
         problems.push(Problem::scene(
             place(", velocity"),
@@ -307,7 +300,7 @@ fn check_isolated(
     sewn: &[Sewn],
     isolated: Option<&[u32]>,
 ) -> Vec<Problem> {
-    let mut ends: Vec<u32> = sewn.iter().flat_map(|pair| pair.ends).collect();
+    let mut ends: Vec<u32> = sewn.iter().flat_map(Sewn::vertices).collect();
     ends.sort_unstable();
     let isolated =
         isolated.unwrap_or_default().iter().filter(|v| ends.binary_search(&parts.number(**v as usize)).is_ok());

@@ -1,5 +1,6 @@
 //! Alembic (Ogawa).
 
+mod channel;
 mod read;
 mod read_back;
 mod summary;
@@ -14,6 +15,7 @@ use super::Format;
 /// The format.
 pub(super) const FORMAT: Format = Format {
     open: Some(|path, pattern| Ok(Box::new(AlembicMesh::open(path, pattern)?))),
+    channel: Some(channel::read),
     create: Some(|path, plan| Ok(Box::new(AlembicWriter::create(path, plan)?))),
     resume: Some(|path, plan, mark| Ok(Box::new(AlembicWriter::resume(path, plan, mark)?))),
     read_back: Some(read_back::open),

@@ -1,6 +1,7 @@
 //! USD.
 
 mod attributes;
+mod channel;
 mod read;
 mod read_back;
 mod single;
@@ -40,6 +41,7 @@ const fn layer(extension: &'static str, summary: &'static str) -> Format {
         binds_materials: true,
         refers_to_others: true,
         open: Some(|path, pattern| Ok(Box::new(read::UsdMesh::open(path, pattern)?))),
+        channel: Some(channel::read),
         read_back: Some(stage::open),
         answers_panics: Some(answers_panics),
         ..Format::new(extension, summary, summary::summary)

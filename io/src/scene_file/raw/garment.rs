@@ -1,6 +1,5 @@
 //! `[[garment]]`, generated shapes and `[[garment.pin]]`.
 
-use drapery_core::scene::{LARGEST_DENSITY, LARGEST_THICKNESS, SMALLEST_DENSITY};
 use drapery_core::settings::{self, Dimension, Field, choice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,19 +57,6 @@ pub(in crate::scene_file) struct Garment {
     /// Preset material, or one from a file. Settings of the garment override it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) material: Option<String>,
-    /// Mass per area, in kg/m² or as "150 g/m²".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = SMALLEST_DENSITY, max = LARGEST_DENSITY))]
-    pub(in crate::scene_file) density: Option<Quantity>,
-    /// Mass of the whole garment in kg, the same for every vertex; instead of `density`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1e-9, max = 1e9))]
-    pub(in crate::scene_file) total_mass: Option<f64>,
-    /// Distance that `self_repulsion` keeps between its layers and from other garments, in metres or as "0.5 mm"; lowered
-    /// where edges are short. Left out: the thickness of the material, or 0.5 mm.
-    #[serde(default = "default_thickness")]
-    #[schemars(range(min = 1e-9, max = LARGEST_THICKNESS))]
-    pub(in crate::scene_file) thickness: Quantity,
     /// Quantities that differ among the vertices, each the name of an attribute of the rest shape with one value for each
     /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the
     /// number of the garment.
@@ -89,6 +75,9 @@ pub(in crate::scene_file) struct Garment {
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
+    /// Elastic bands along its edges.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) elastic: Vec<Elastic>,
     /// The mesh that is rendered instead; it follows the cloth and has its own caches.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) render_mesh: Option<RenderMesh>,
@@ -455,6 +444,26 @@ fn default_axes() -> String {
     "xyz".to_owned()
 }
 
+/// An elastic band: edges with both ends among the chosen vertices pull as elastic sewn along them (docs/howto/elastic.md). One of
+/// `vertices`, `nodes`, `where` and `map` chooses them.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Elastic {
+    /// Vertex numbers, from 0, in the order of the garment's file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) vertices: Option<Vec<u32>>,
+    /// Nodes of a panel nearest to fractions of its length along x and z: [[0.5, 0], …].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = fractions)]
+    pub(in crate::scene_file) nodes: Option<Vec<[f64; 2]>>,
+    /// A region: vertices that start inside are chosen.
+    #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) region: Option<Region>,
+    /// A painted map: vertices where it is above one half are chosen, as in `map` of a pin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) map: Option<String>,
+}
+
 /// A corner of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -503,7 +512,3 @@ pub(in crate::scene_file) const BIND: Field = Field {
     help: "with `to = \"body:…\"`: its binding; a vertex that is farther from the body than three of its edges and ten \
            thicknesses, or than 5 cm, gives a warning",
 };
-
-fn default_thickness() -> Quantity {
-    Quantity::Text("0.5 mm".to_owned())
-}

@@ -19,7 +19,7 @@ use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use contact::Contact;
 pub(in crate::scene_file) use garment::{
-    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
+    Axis, BIND, Ball, Bind, Corner, Disc, Elastic, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
     PanelShape, Pin, Region, RenderMesh, Tube,
 };
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
@@ -177,6 +177,9 @@ pub(in crate::scene_file) struct Body {
     /// With `file`: units of this file, if they differ from `[units]`, or if the file states wrong ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
+    /// A belt around another body, which it follows, in the place of `file` and `shape` (docs/howto/belt.md).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) belt: Option<Belt>,
     /// With `shape`: its position.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
@@ -187,6 +190,58 @@ pub(in crate::scene_file) struct Body {
     /// With `shape`: its steady rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) spin: Option<Spin>,
+}
+
+/// A belt around another body: a closed band around what a plane cuts out of it in the first frame of the shot, which then follows
+/// its surface.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Belt {
+    /// Name of the body, which has to be from a file.
+    pub(in crate::scene_file) around: String,
+    /// A point inside of the part that it runs around, as the middle of the waist, in the first frame.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub(in crate::scene_file) at: [f64; 3],
+    /// Axis that it runs around.
+    #[serde(default = "upwards")]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub(in crate::scene_file) axis: [f64; 3],
+    /// Width along the axis, in metres or as "4 cm".
+    #[serde(default = "default_belt_width")]
+    #[schemars(range(min = 1e-6, max = 1e3))]
+    pub(in crate::scene_file) width: Quantity,
+    /// Thickness of the strap, in metres or as "4 mm".
+    #[serde(default = "default_belt_depth")]
+    #[schemars(range(min = 1e-6, max = 1e3))]
+    pub(in crate::scene_file) depth: Quantity,
+    /// Room for cloth between the belt and the body, in metres or as "6 mm".
+    #[serde(default = "default_belt_gap")]
+    #[schemars(range(min = 0.0, max = 1e3))]
+    pub(in crate::scene_file) gap: Quantity,
+    /// Points along its length.
+    #[serde(default = "default_belt_resolution")]
+    #[schemars(range(min = 8, max = MAX_RESOLUTION))]
+    pub(in crate::scene_file) resolution: u32,
+}
+
+fn upwards() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn default_belt_width() -> Quantity {
+    Quantity::Text("4 cm".to_owned())
+}
+
+fn default_belt_depth() -> Quantity {
+    Quantity::Text("4 mm".to_owned())
+}
+
+fn default_belt_gap() -> Quantity {
+    Quantity::Text("6 mm".to_owned())
+}
+
+fn default_belt_resolution() -> u32 {
+    96
 }
 
 /// A steady rotation.

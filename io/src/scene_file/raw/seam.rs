@@ -26,6 +26,9 @@ choice! {
         Order = "order",
         /// Every vertex of `from` with the one of `to` that is nearest at the start.
         Nearest = "nearest",
+        /// Every vertex of `from` with the point of the faces of the garment of `to` that is nearest at the start; `to` names no
+        /// vertices then.
+        Surface = "surface",
     }
 }
 
@@ -38,7 +41,8 @@ pub(in crate::scene_file) const PAIRING: Field = Field {
     help: "how the sides are paired",
 };
 
-/// Vertices of one side of a seam. One of `vertices`, `corners`, `nodes` and `where` selects them.
+/// Vertices of one side of a seam. One of `vertices`, `corners`, `nodes` and `where` selects them; none in `to` with
+/// `pairing = "surface"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct SeamSide {

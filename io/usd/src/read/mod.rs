@@ -333,6 +333,15 @@ impl Stage {
         self.ask(move |session| session.meshes.borrow()[mesh].read(&session.reading, code))
     }
 
+    /// Samples of an attribute of any prim, each a time code and its numbers; one sample, at 0, of a value that never changes.
+    ///
+    /// # Errors
+    /// There is no such prim or attribute, or it holds no numbers.
+    pub fn numbers(&self, prim: &str, attribute: &str) -> Result<Vec<(f64, Vec<f64>)>, UsdError> {
+        let (prim, attribute) = (prim.to_owned(), attribute.to_owned());
+        self.ask(move |session| session.numbers(&prim, &attribute))
+    }
+
     fn ask<T: Send + 'static>(
         &self,
         question: impl FnOnce(&Session) -> Result<T, UsdError> + Send + 'static,

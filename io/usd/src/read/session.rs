@@ -12,7 +12,7 @@ use super::instancer::Prototype;
 use super::left_out;
 use super::mesh::Mesh;
 use super::reading::{Reading, flaws, usd_error};
-use super::values::{number, word};
+use super::values::{all_integers, number, numbers as list, vector, word};
 use super::worker::Panicked;
 use super::{About, Chosen, Entry};
 
@@ -81,6 +81,35 @@ impl Session {
         Ok((Self { reading, meshes: RefCell::default() }, about))
     }
 
+    /// Samples of an attribute of a prim that holds numbers.
+    pub(crate) fn numbers(&self, path: &str, name: &str) -> Result<Vec<(f64, Vec<f64>)>, UsdError> {
+        let Self { reading, .. } = self;
+        let bad = |what: String, advice: &str| reading.bad(format!("{path}.{name}"), what, advice);
+        let prim = reading.stage.prim(path);
+        let prim = prim.map_err(|error| bad(format!("{path} is no prim: {error}"), "write /PRIM.ATTRIBUTE"))?;
+        let attribute = prim.attribute(name);
+        let codes = reading.ok(attribute.time_sample_times(), &prim)?;
+        if let Some(code) = codes.iter().find(|code| !code.is_finite()) {
+            return Err(bad(format!("a sample has the time code {code}"), "export it again"));
+        }
+        let still = reading.value(&attribute)?.filter(|_| codes.len() < 2).map(|value| (0.0, value));
+        let mut samples: Vec<(f64, Value)> = still.into_iter().collect();
+        if codes.len() > 1 {
+            for code in codes {
+                samples.extend(reading.ok(attribute.get_at(TimeCode::new(code)), &prim)?.map(|value| (code, value)));
+            }
+        }
+        if samples.is_empty() {
+            let what = "there is no such attribute, or it has no value".to_owned();
+            return Err(bad(what, "name an attribute of the stage, as in /shot/control.friction"));
+        }
+        let plain = |(code, value): (f64, Value)| match plain(&value) {
+            Some(numbers) => Ok((code, numbers)),
+            None => Err(bad("it does not hold numbers".to_owned(), "name an attribute of one number, or of three")),
+        };
+        samples.into_iter().map(plain).collect()
+    }
+
     /// Makes the chosen meshes ready.
     pub(crate) fn choose(&self, entries: &[Entry]) -> Result<Chosen, UsdError> {
         let mut chosen = Chosen::default();
@@ -102,6 +131,16 @@ impl Session {
         *self.meshes.borrow_mut() = meshes;
         Ok(chosen)
     }
+}
+
+/// Numbers of a value: one, three, or those of a list.
+fn plain(value: &Value) -> Option<Vec<f64>> {
+    let integers = || Some(all_integers(value)?.into_iter().map(|number| number as f64).collect());
+    number(value)
+        .map(|number| vec![number])
+        .or_else(|| vector(value).map(Vec::from))
+        .or_else(|| list(value))
+        .or_else(integers)
 }
 
 /// Returns the description that a stage gives of itself.

@@ -20,20 +20,7 @@ pub fn run(data: &[u8]) {
         let mut scene = SceneDescription::new("fuzz");
         scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
         scene.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 1.0));
-        let (name, velocity) = ("garment".to_owned(), Vec3::zeros());
-        let mass = Mass::Density(0.2);
-        let garment = GarmentDescription {
-            name,
-            mesh,
-            stream: None,
-            start: None,
-            velocity,
-            start_velocities: None,
-            mass,
-            thickness: 1e-3,
-            maps: Default::default(),
-        };
-        scene.garments.push(garment);
+        scene.garments.push(GarmentDescription::new("garment", mesh, 0.2));
         let _ = Scene::validate(scene);
     });
 }

@@ -1,0 +1,89 @@
+//! Channels: numbers over time that a file holds, in the place of keys.
+//!
+//! ```toml
+//! friction = { file = "props.abc", channel = "/control.friction" }
+//! ```
+
+use std::path::{Path as FilePath, PathBuf};
+
+use drapery_core::settings::SettingValue;
+
+use crate::error::IoError;
+use crate::formats;
+
+use super::diagnostics::SceneFileError;
+use super::tree::{Node, Sources, Table, Value};
+
+/// A channel that was read.
+pub(super) struct Channel {
+    /// The file.
+    pub(super) file: PathBuf,
+    /// Frames and values.
+    pub(super) keys: Vec<(f64, SettingValue)>,
+}
+
+/// Keys of the table.
+const FILE: &str = "file";
+const CHANNEL: &str = "channel";
+const SCALE: &str = "scale";
+
+/// Whether a table names a channel.
+pub(super) fn is_channel(node: &Node) -> bool {
+    node.as_table().is_some_and(|table| table.get(CHANNEL).is_some())
+}
+
+/// Reads the channel that a table names, in a scene of so many frames a second whose files are relative to `folder`.
+///
+/// # Errors
+/// An unknown key; the file, the object or the property is not there; a value is no number.
+pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f64)) -> Result<Channel, SceneFileError> {
+    let table = node.as_table().cloned().unwrap_or_default();
+    let form = || Some("write { file = \"props.abc\", channel = \"/object.property\" }".to_owned());
+    let known = [FILE, CHANNEL, SCALE];
+    if let Some(entry) = table.0.iter().find(|entry| !known.contains(&entry.key.as_str())) {
+        let what = format!("unknown key `{}` in a channel; it has `file`, `channel` and `scale`", entry.key);
+        return Err(sources.error(&entry.key_place, what, form()));
+    }
+    let scale = match table.get(SCALE).map(|node| &node.value) {
+        None => 1.0,
+        Some(Value::Integer(scale)) => *scale as f64,
+        Some(Value::Float(scale)) if scale.is_finite() => *scale,
+        Some(_) => return Err(sources.error(&node.place, "the `scale` of a channel has to be a number", form())),
+    };
+    let text = |key: &str| {
+        text(&table, key).ok_or_else(|| sources.error(&node.place, format!("a channel needs `{key}` as text"), form()))
+    };
+    let (file, channel) = (folder.join(text(FILE)?), text(CHANNEL)?);
+    let Some((object, property)) = channel.rsplit_once('.').filter(|(object, _)| object.starts_with('/')) else {
+        let what = format!("\"{channel}\" is not the path of an object and the name of its property");
+        return Err(sources.error(&node.place, what, form()));
+    };
+    let of_file = |error: IoError| SceneFileError::of_file(Some(sources.location(&node.place)), &error);
+    let reads = formats::of_file(&file).and_then(|format| format.channel);
+    let Some(reads) = reads else {
+        let what = format!("channels are not read from {}", file.display());
+        return Err(sources.error(&node.place, what, Some("name an Alembic or USD file".to_owned())));
+    };
+    let samples = reads(&file, object, property).map_err(of_file)?;
+    let mut keys = Vec::new();
+    for (time, numbers) in samples {
+        let value = match numbers.iter().map(|number| scale * number).collect::<Vec<_>>()[..] {
+            [number] => SettingValue::Number(number),
+            [x, y, z] => SettingValue::Vector([x, y, z]),
+            _ => {
+                let what = format!("a sample has {} numbers", numbers.len());
+                let advice = "name a property of one number, or of three";
+                return Err(of_file(IoError::data(&file, channel.to_owned(), what, advice)));
+            }
+        };
+        // Programs round frame / fps differently.
+        let frame = time * fps;
+        let whole = frame.round();
+        keys.push((if (frame - whole).abs() < 1e-6 * whole.abs().max(1.0) { whole } else { frame }, value));
+    }
+    Ok(Channel { file, keys })
+}
+
+fn text<'a>(table: &'a Table, key: &str) -> Option<&'a str> {
+    table.get(key)?.as_text()
+}
