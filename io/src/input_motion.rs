@@ -50,6 +50,8 @@ pub struct InputMotion {
     pub rows: Option<Vec<u32>>,
     /// Whether the scene states units for this very file, so that an unusual size is believed.
     pub own_units: bool,
+    /// Whether the program makes it, as a belt, so that nobody else has its mesh.
+    pub is_made: bool,
 }
 
 impl InputMotion {
@@ -131,6 +133,7 @@ mod tests {
             rest: Some(vec![Vec3::zeros(); 3]),
             rows: None,
             own_units: false,
+            is_made: false,
         };
         let timeline = Timeline { origin: 1001, start: 991, ..Timeline::default() };
         let preroll = Preroll { settle: 6, blend: 4 };

@@ -133,7 +133,8 @@ fn half_frames_and_missing_meshes_are_seen() {
     let halves = MeshSource::open(&folder.join("blender_half_frames.abc"), None, Units::SI).unwrap();
     assert_eq!(halves.times_between(1001.0 / 24.0, 1002.0 / 24.0).len(), 1);
     assert!(halves.covers(1001.0 / 24.0, 1013.0 / 24.0));
-    let motion = InputMotion { label: "body".into(), source: halves, rest: None, rows: None, own_units: false };
+    let motion =
+        InputMotion { label: "body".into(), source: halves, rest: None, rows: None, own_units: false, is_made: false };
     let timeline = Timeline { origin: 1001, start: 1001, ..Timeline::default() };
     let samples = motion.samples(timeline, Preroll::default(), 1003).unwrap();
     // One sample inside the frame and one exactly at its end, in seconds since the first frame.

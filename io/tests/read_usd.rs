@@ -211,7 +211,8 @@ fn references_variants_instances_and_clips_are_composed_and_time_codes_are_secon
     let x = |code: f64| clipped.mesh_at(code / 48.0).unwrap().mesh.points[0].x;
     assert_eq!([0.0, 10.0, 12.0, 20.0, 99.0].map(x), [10.0, 10.0, 12.0, 20.0, 20.0]);
     assert!((x(11.0) - 11.0).abs() < 1e-6 && (x(16.0) - 16.0).abs() < 1e-6);
-    let motion = InputMotion { label: "body".into(), source: clipped, rest: None, rows: None, own_units: false };
+    let motion =
+        InputMotion { label: "body".into(), source: clipped, rest: None, rows: None, own_units: false, is_made: false };
     // At 24 frames a second, frame 6 is code 12, and frame 7 code 14: in between there is no sample.
     let timeline = Timeline { origin: 5, start: 5, ..Timeline::default() };
     let samples = motion.samples(timeline, Preroll::default(), 6).unwrap();

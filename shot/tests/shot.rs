@@ -99,6 +99,7 @@ fn over_body(folder: &Path, file: &Path) -> Result<ShotDescription, IoError> {
         rest: None,
         rows: None,
         own_units: false,
+        is_made: false,
     }));
     Ok(shot)
 }

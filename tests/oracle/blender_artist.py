@@ -195,6 +195,42 @@ def seams():
     return answer
 
 
+def joins():
+    """A tube in an elastic band under a belt around a column, shrinking; a patch on it that is sewn to its surface."""
+    shot(1, 12, gravity=False)
+    column, tube = ball("column", (1.0, 0.0, 1.0), 0.07), panel_tube("tube", 0.95)
+    patch = panel("patch", (0.95, -0.106, 0.97), columns=4, rows=3)
+    mark("BODY", column)
+    mark("GARMENT", tube, patch)
+    whole = len(tube.data.vertices)
+    rows = sorted({round(vertex.co.z, 6) for vertex in tube.data.vertices})
+    group(tube, "waist", (index for index in range(whole) if round(tube.data.vertices[index].co.z, 6) == rows[-1]))
+    chosen(tube)
+    bpy.ops.object.drapery_elastic_add()
+    band = tube.drapery.elastics[0]
+    band.group, band.stiffness = "waist", 12.0
+    for frame, relaxed in ((1, 100.0), (9, 80.0)):
+        band.relaxed = relaxed
+        band.keyframe_insert("relaxed", frame=frame)
+    tube.drapery.own_rest_scale, tube.drapery.rest_scale = True, 95.0
+    sew(patch, "top", tube, "", pairing="SURFACE", keep_gap=True, breaks=True, break_force=3.0, stiffness=150.0)
+    chosen(column)
+    bpy.ops.object.drapery_belt_add()
+    belt = column.drapery.belts[0]
+    belt.place.name, belt.width, belt.gap = "girdle", 20.0, 60.0
+    save()
+    answer = {"simulated": press("simulate"), "scene": (FOLDER / "drapery" / "scene.toml").read_text()}
+    band.group = ""
+    answer["no_group"] = press("check")
+    band.group, belt.place = "waist", None
+    answer["no_place"] = press("check")
+    chosen(column)
+    bpy.ops.object.drapery_remove(rows="belts", index=0)
+    patch.drapery.seams[0].other = patch
+    answer["own_surface"] = press("check")
+    return answer
+
+
 def bad_seams():
     """Sets up faulty seams, one after the other; returns the problems that `check` finds in each."""
     answer = {}

@@ -229,7 +229,7 @@ def curves():
     answer = {"planned": press("plan"), "lines": view().lines, "scene": (FOLDER / "drapery" / "scene.toml").read_text()}
     # Nothing else can be keyed.
     answer["keyable"] = []
-    for each, name in ((own, "order"), (own, "damping"), (whole, "settle"), (pin, "stiffness")):
+    for each, name in ((own, "order"), (own, "damping"), (whole, "settle"), (pin, "release")):
         try:
             answer["keyable"].append(each.keyframe_insert(name))
         except TypeError:
@@ -241,10 +241,6 @@ def curves():
     rule.other, pin.release = lining, -1
     answer["early"] = press("check")
     pin.release = 5
-    own.own_thickness = True
-    key(own, "thickness", (1, 0.5), (5, 1.0))
-    answer["thickness"] = press("check")
-    own.own_thickness = False
     own.driver_add("bending").driver.expression = "3.0"
     answer["driver"] = press("check")
     own.driver_remove("bending")

@@ -100,7 +100,7 @@ def test_seams_are_undone_saved_and_copied(act):
         ("no_own_group", '"front": a seam has no vertex group|choose one, or remove the seam'),
         ("times", 'the seam of its group "right" is closed at frame 8, before it starts to close at frame 9'),
         ("opening", 'the seam of its group "right" is open at frame 8, before it starts to open at frame 9'),
-        ("zip", 'the seam of its group "right" is a zip, and nearest pairs have no order|choose Pairs: Along the Edges'),
+        ("zip", 'the seam of its group "right" is a zip, and its pairs have no order|choose Pairs: Along the Edges'),
         ("twice", '"front": the seam of its group "right" to "left" of "bäck" is there twice|remove one'),
         ("missing", 'b_ck|None|None|None|"bäck" has no vertex group "cuff", which a seam sews'),
         ("light", '"bäck": no vertex of vertex group "cuff" is above one half, so that a seam sews nothing'),
@@ -118,6 +118,28 @@ def test_seams_are_undone_saved_and_copied(act):
 def test_what_is_wrong_with_a_seam_is_said_with_names(act, when, words):
     _, saw = act("bad_seams")
     assert saw[when][0] == "CANCELLED" and any(words in line for line in saw[when][1:]), saw[when]
+
+
+def test_a_band_a_belt_and_a_patch_on_a_surface_are_in_the_scene_and_simulated(act):
+    folder, saw = act("joins")
+    assert saw["simulated"] == ["FINISHED"], saw["simulated"]
+    scene = tomllib.loads(saw["scene"])
+    tube, patch = (next(garment for garment in scene["garment"] if garment["name"] == name) for name in ("tube", "patch"))
+    assert [tube["elastic"][0]["rest_scale"][end] for end in (0, -1)] == [[1, 1], [12, 0.8]] and tube["elastic"][0]["stiffness"] == "12 N" and tube["rest_scale"] == 0.95
+    [seam] = scene["seam"]
+    assert seam["to"] == {"garment": "tube"} and seam["pairing"] == "surface" and seam["keep_gap"] and seam["break_force"] == "3 N"
+    belt = next(body for body in scene["body"] if body["name"] == "girdle")["belt"]
+    assert belt["around"] == "column" and np.allclose(belt["at"], [1, 1, 0], atol=1e-6) and np.allclose(belt["axis"], [0, 1, 0])
+    # The column is a ball of 7 cm: the belt is a ring around its equator.
+    ring = positions(folder, "girdle")[0]
+    assert np.hypot(ring[:, 0] - 1, ring[:, 2]).min() == pytest.approx(0.13, rel=0.03) and np.ptp(ring[:, 1]) == pytest.approx(0.02, abs=1e-5)
+    x = positions(folder, "tube")
+    top = np.flatnonzero(np.abs(x[0][:, 1] - x[0][:, 1].max()) < 1e-6)
+    around = [np.linalg.norm(x[frame][top] - x[frame][top].mean(axis=0), axis=1).mean() for frame in (0, -1)]
+    assert around[1] < 0.93 * around[0], around
+    for when, words in (("no_group", '"tube": an elastic band has no vertex group|choose one'), ("no_place", '"column": a belt has no place|choose an empty'),
+                        ("own_surface", "leads to the surface of its own garment|choose another garment")):  # fmt: skip
+        assert saw[when][0] == "CANCELLED" and any(words in line for line in saw[when][1:]), saw[when]
 
 
 def test_nearest_takes_groups_of_different_size(act):

@@ -279,7 +279,6 @@ def test_the_panel_names_what_is_keyframed_and_nothing_else_can_be(curves):
     ("nothing", '"cloth": a rule of contact with "lining" says nothing|choose Ignore, Friction or Thickness'),
     ("no_object", '"cloth": a rule of contact is with no object|choose a garment or a body'),
     ("early", '"cloth": a pin is released at frame -1, before the first frame|choose a later frame'),
-    ("thickness", '"cloth": the thickness of a garment cannot change over time|key the thickness of a body'),
     ("driver", '"cloth": Bending is animated by a driver, which is not sampled|bake it to keyframes'),
     ("strip", '"cloth": Bending is animated by a strip of the NLA, which is not sampled|bake it to keyframes'),
 ])  # fmt: skip

@@ -58,10 +58,12 @@ def scene_in(folder, parts, **changes):
     cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
     coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"),
                         [(1001, 30.0), (1003, 40.0)], 14.0, 0.5, ("OPEN", 2.0))
-    seam = text.Seam(("cape", "coat"), False, 321.5, -0.5, 1.25, 2.0, 2.5, True), [[3, 2], [0, 1]]
-    nearest = text.Seam(("coat", "coat"), True, 400.0), [[0], [2]]
+    coat.rest_scale, coat.elastics = [(1001, 1.0), (1003, 0.9)], [text.Elastic("springs.txt", 15.0, 0.75), text.Elastic("springs.txt", [(1001, 1.0), (1002, 2.0)], 1.0)]
+    surface = text.Seam(("cape", "coat"), "surface", [(1001, 100.0), (1002, 50.0)], keep_gap=True, break_force=2.5), [[0, 3], None]
+    seam = text.Seam(("cape", "coat"), None, 321.5, -0.5, 1.25, 2.0, 2.5, True), [[3, 2], [0, 1]]
+    nearest = text.Seam(("coat", "coat"), "nearest", 400.0), [[0], [2]]
     contact = text.Contact((("garment", "coat"), ("body", "floor")), True)
-    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest], [contact])
+    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest, surface], [contact])
     (folder / text.SCENE_FILE).write_text(written)
     return written
 
@@ -85,13 +87,23 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert cape["thickness"] == "0.25 mm" and cape["maps"].keys() == {"density", "pins"}
     assert [(pin["to"], pin["mode"]) for pin in cape["pin"]] == [("start", "hard"), ("body:floor", "spring")]
     assert cape["pin"][1]["stiffness"] == "123 N/m"
-    sewn, nearest = resolved["seam"]
+    sewn, nearest, surface = resolved["seam"]
+    assert surface["to"] == {"garment": "coat"} and surface["pairing"] == "surface" and surface["keep_gap"]
+    assert surface["strength"] == [[1001, "100 N/m"], [1002, "50 N/m"]] and surface["break_force"] == "2.5 N"
+    assert coat["rest_scale"] == [[1001, 1], [1003, 0.9]]
+    assert [band["rest_scale"] for band in coat["elastic"]] == [0.75, 1] and coat["elastic"][1]["stiffness"] == [[1001, "1 N"], [1002, "2 N"]]
     assert sewn["from"] == {"garment": "cape", "vertices": [3, 2]} and sewn["to"] == {"garment": "coat", "vertices": [0, 1]}
     assert (sewn["strength"], sewn["start"], sewn["closed"]) == ("321.5 N/m", "-0.5 s", "1.25 s")
     assert (sewn["opens"], sewn["opened"], sewn["zip"]) == ("2 s", "2.5 s", True) and "opens" not in nearest and not nearest["zip"]
     assert nearest["pairing"] == "nearest"
     assert [(rule["between"], rule["ignore"]) for rule in resolved["contact"]] == [(["garment.coat", "body.floor"], True)]
-    assert {"seams", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
+    assert {"seams", "elastic", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
+
+
+def test_a_belt_is_a_body_around_another(parts):
+    belt = parts.scene_text.Belt("belt", "hero", (0.0, 1.02, -0.1), (0.0, 1.0, 0.0), 35.0, 4.5, 8.0)
+    [table] = tomllib.loads("\n".join(parts.scene_text.belt_lines(belt)))["body"]
+    assert table == {"name": "belt", "belt": {"around": "hero", "at": [0, 1.02, -0.1], "axis": [0, 1, 0], "width": "35 mm", "depth": "4.5 mm", "gap": "8 mm"}}
 
 
 def test_cleared_boxes_ask_for_no_effect_and_give_no_warning(parts, drapery, tmp_path):

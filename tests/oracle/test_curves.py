@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from farm import BAD_SCENE, DRAPERY, assert_same, results
+from farm import BAD_INPUT, BAD_SCENE, DRAPERY, MISSING_INPUT, assert_same, results
 from howto import said
 from test_mpi import AS_ROOT, MORE_THAN_CORES
 
@@ -102,3 +102,126 @@ def test_bad_curves_are_named(old, new, message, tmp_path):
     path.write_text(SCENE.replace(old, new))
     text = said("check", path, code=BAD_SCENE)
     assert message in text and "bad.toml:" in text, text
+
+
+SLIDE = """drapery = 1
+[shot]
+fps = "24"
+frames = "1001-1009"
+[output]
+format = ["h5"]
+[gravity]
+acceleration = {gravity}
+[ether_drag]
+rate = {rate}
+[[garment]]
+name = "sheet"
+density = 0.2
+panel = {{ resolution = 4, side = 0.5, aspect = 1, center = [0, 1, 0] }}
+"""
+
+
+def usd_channels(path):
+    """A stage of 48 time codes a second with an attribute of one number and one of three, written by Pixar's library."""
+    from pxr import Gf, Sdf, Usd
+
+    stage = Usd.Stage.CreateNew(str(path))
+    stage.SetTimeCodesPerSecond(48)
+    stage.SetFramesPerSecond(24)
+    control = stage.DefinePrim("/shot/control")
+    rate = control.CreateAttribute("rate", Sdf.ValueTypeNames.Float)
+    fall = control.CreateAttribute("fall", Sdf.ValueTypeNames.Vector3d)
+    for frame, value in ((1001, 0.0), (1005, 400.0)):
+        rate.Set(value, 2 * frame)
+        fall.Set(Gf.Vec3d(0, -0.02 * value, 0), 2 * frame)
+    control.CreateAttribute("word", Sdf.ValueTypeNames.String).Set("wet")
+    stage.Save()
+
+
+def alembic_channels(path):
+    """The same as user properties of a transform, written by the reference library."""
+    import imath
+    from alembic3d import Abc, AbcCoreAbstract, AbcGeom
+
+    archive = Abc.OArchive(str(path))
+    sampling = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, 1001 / 24))
+    control = AbcGeom.OXform(AbcGeom.OXform(archive.getTop(), "shot"), "control")
+    properties = control.getSchema().getUserProperties()
+    rate, fall = Abc.OFloatProperty(properties, "rate", sampling), Abc.OV3dProperty(properties, "fall", sampling)
+    for frame in range(1001, 1006):
+        rate.setValue(100.0 * (frame - 1001))
+        fall.setValue(imath.V3d(0, -2.0 * (frame - 1001), 0))
+    Abc.OStringProperty(properties, "word").setValue("wet")
+
+
+@pytest.mark.parametrize(("name", "write"), [("control.usda", usd_channels), ("control.usdc", usd_channels), ("control.abc", alembic_channels)])
+def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
+    write(tmp_path / name)
+    channel = lambda property, more="": f'{{ file = "{name}", channel = "/shot/control.{property}"{more} }}'
+    (tmp_path / "channels.toml").write_text(SLIDE.format(gravity=channel("fall"), rate=channel("rate", ", scale = 0.01")))
+    keys = "[[1001, {}], [1005, {}]]"
+    (tmp_path / "keys.toml").write_text(SLIDE.format(gravity=keys.format([0, 0, 0], [0, -8, 0]), rate=keys.format(0, 4.0)))
+    plan = subprocess.run([DRAPERY, "plan", str(tmp_path / "channels.toml"), "--json"], capture_output=True, text=True, check=True)
+    listed = json.loads(plan.stdout)["curves"]
+    assert listed["ether_drag.rate"][0] == [1001, 0] and np.allclose(listed["ether_drag.rate"][-1], [1005, 4])
+    positions = {}
+    for scene in ("channels", "keys", "resolved"):
+        file = tmp_path / f"{scene}.toml" if scene != "resolved" else tmp_path / "channels" / "resolved.toml"
+        said("run", file, "--out", tmp_path / scene)
+        with h5py.File(tmp_path / scene / "sheet.h5") as cache:
+            positions[scene] = cache["positions"][()]
+    assert np.ptp(positions["keys"][:, 0, 1]) > 0.05
+    np.testing.assert_allclose(positions["channels"], positions["keys"], rtol=0, atol=1e-6)
+    assert np.array_equal(positions["channels"], positions["resolved"])
+    # The file is an input.
+    (tmp_path / name).unlink()
+    said("run", tmp_path / "channels.toml", "--out", tmp_path / "other", code=MISSING_INPUT)
+
+
+@pytest.mark.parametrize(("channel", "message"), [
+    ('{ file = "control.abc", channel = "/shot/control.rte" }', "there is no such property"),
+    ('{ file = "control.abc", channel = "/shot/controls.rate" }', "/shot/controls"),
+    ('{ file = "control.abc", channel = "/shot/control.word" }', "it does not hold numbers"),
+    ('{ file = "control.usda", channel = "/shot/control.rte" }', "there is no such attribute"),
+    ('{ file = "control.usda", channel = "/shot/control.word" }', "it does not hold numbers"),
+    ('{ file = "control.usda", channel = "/shot/control.fall" }', "`rate`"),
+    ('{ file = "control.usda", channel = "/shot/control.rate", scale = -1 }', "at frame 1005 of the channel"),
+    ('{ file = "control.usda", channel = "rate" }', "is not the path of an object and the name of its property"),
+    ('{ file = "control.obj", channel = "/a.rate" }', "channels are not read from"),
+    ('{ file = "none.abc", channel = "/a.rate" }', "none.abc"),
+    ('{ channel = "/a.rate" }', "a channel needs `file`"),
+    ('{ file = "control.abc", channel = "/a.rate", frames = 3 }', "unknown key `frames`"),
+])  # fmt: skip
+def test_channels_that_cannot_be_are_named(channel, message, tmp_path):
+    usd_channels(tmp_path / "control.usda")
+    alembic_channels(tmp_path / "control.abc")
+    (tmp_path / "bad.toml").write_text(SLIDE.format(gravity="[0, -9.81, 0]", rate=channel))
+    done = subprocess.run([DRAPERY, "check", str(tmp_path / "bad.toml")], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode in (BAD_SCENE, BAD_INPUT, MISSING_INPUT), done
+    assert message in done.stderr and "help:" in done.stderr, done.stderr
+
+
+def test_maps_by_frame_are_straight_between_and_run_again_from_the_resolved_scene(tmp_path):
+    """A map of the drag's rate goes from nothing to 8 1/s; free cloth slows by it as by a curve of the rate where the map is even."""
+    for name, value in (("dry", 0.0), ("wet", 1.0)):
+        (tmp_path / f"{name}.txt").write_text("\n".join([str(value)] * 25))
+    text = SLIDE.format(gravity="[0, -9.81, 0]", rate=8.0)
+    line = '[[1002, "file:dry.txt"], [1006, "file:wet.txt"]]'
+    maps = f"{text}maps.ether_drag = {line}\n"
+    curve = text.replace("rate = 8.0", "rate = [[1002, 0], [1006, 8.0]]")
+    found = {}
+    for name, scene in (("maps", maps), ("curve", curve)):
+        (tmp_path / f"{name}.toml").write_text(scene)
+        said("run", tmp_path / f"{name}.toml", "--out", tmp_path / name)
+        found[name] = h5py.File(tmp_path / name / "sheet.h5")["positions"][()]
+    np.testing.assert_allclose(found["maps"], found["curve"], rtol=0, atol=1e-6)
+    said("run", tmp_path / "maps" / "resolved.toml", "--out", tmp_path / "again")
+    assert np.array_equal(h5py.File(tmp_path / "again" / "sheet.h5")["positions"][()], found["maps"])
+    assert "garment.sheet.maps.ether_drag: maps at 1002, 1006" in said("plan", tmp_path / "maps.toml")
+    for new, message in (('[[1002, "file:dry.txt"], [1002, "file:wet.txt"]]', "frames of `ether_drag` have to increase"),
+                         ('[[1002, "file:dry.txt"], [1006, 3]]', "has to be a name or a file"),
+                         ('[[1002, "file:dry.txt"], [1006, "file:gone.txt"]]', "gone.txt"),
+                         ('[[9, "file:dry.txt"]]', "these maps end at frame 9"), ("[]", "has no keys")):  # fmt: skip
+        (tmp_path / "bad.toml").write_text(maps.replace(line, new))
+        done = subprocess.run([DRAPERY, "check", str(tmp_path / "bad.toml")], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        assert done.returncode in (BAD_SCENE, BAD_INPUT, MISSING_INPUT) and message in done.stderr, done

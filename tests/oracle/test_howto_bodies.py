@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from body_depth import depths
+from farm import BAD_SCENE
 from howto import (
     GRAVITY, HOWTO, ROUNDING, SAMPLES, Bound, Run, accelerations, area, fenced, frames_of, masses, normals, number, said,
 )  # fmt: skip
@@ -119,6 +120,49 @@ def test_pins_hold_between_their_times_and_release_at_the_frame(pin, held, run_s
     alone = np.r_[free[: max(first - 1, 0)], free[last:]]
     assert len(alone) > 4
     np.testing.assert_allclose(alone, -GRAVITY, atol=0.01)
+
+
+@pytest.fixture(scope="module")
+def belt_body(run_howto):
+    return run_howto(f"{HOWTO}/belt_body.toml")
+
+
+def test_a_belt_follows_the_waist_at_its_gap_and_keeps_the_cloth_inside(belt_body, report_figure):
+    """The belt is a closed band outside of the body in every frame, and all of the waistband is between the two."""
+    table = next(body for body in belt_body.scene["body"] if body["name"] == "belt")["belt"]
+    x, times = belt_body.positions("belt"), belt_body.caches["belt"]["times"]
+    faces, body = np.ascontiguousarray(belt_body.caches["belt"]["triangles"]), belt_body.body("mannequin")
+    gap, width = number(table["gap"]), number(table["width"])
+    assert np.ptp(x[0][:, 1]) == pytest.approx(width, abs=ROUNDING)
+    closest, inside = [], []
+    for index, time in enumerate(times):
+        belt, cloth = np.ascontiguousarray(x[index]), np.ascontiguousarray(belt_body.positions("skirt")[index])
+        closest.append(np.sqrt(igl.point_mesh_squared_distance(belt, body.vertices(time), body.faces)[0]).min())
+        assert np.abs(igl.winding_number(belt, faces, cloth)).max() < 0.5, f"{time} s: cloth is in the belt"
+        near = np.flatnonzero((cloth[:, 1] > belt[:, 1].min()) & (cloth[:, 1] < belt[:, 1].max()))
+        inside.append(len(near))
+        middle = belt.mean(axis=0)[[0, 2]]
+        reach = np.linalg.norm(cloth[near][:, [0, 2]] - middle, axis=1)
+        assert np.all(reach < np.linalg.norm(belt[:, [0, 2]] - middle, axis=1).max()), f"{time} s: cloth is outside"
+    report_figure(f"{1e3 * min(closest):.2f} to {1e3 * max(closest):.2f} mm from the body, gap {1e3 * gap:.0f} mm; {min(inside)} vertices under it")
+    # The gap is across the axis; skin that slopes is closer.
+    assert 0.85 * gap < min(closest) and max(closest) < gap
+    assert min(inside) > 5 and belt_body.count("crossings") == 0
+
+
+@pytest.mark.parametrize(("belt", "message"), [
+    ('{ around = "mannekin", at = [0, 1, 0] }', 'there is no body "mannekin"'),
+    ('{ around = "ball", at = [0, 1, 0] }', 'body "ball" is not from a file'),
+    ('{ around = "mannequin", at = [0, 9, 0] }', "it does not run around the body, which is from"),
+    ('{ around = "mannequin", at = [0, 1, 0], axis = [0, 0, 0] }', "an axis of length zero has no direction"),
+    ('{ around = "mannequin", at = [0, 1, 0], width = "4 kg" }', "unit `kg` does not fit here"),
+])  # fmt: skip
+def test_belts_that_cannot_be_are_named(belt, message, howto_assets, tmp_path):
+    text = (ROOT / HOWTO / "belt_body.toml").read_text()
+    ball = '[[body]]\nname = "ball"\nshape = { sphere = { radius = 0.1 } }\nposition = [3, 0, 0]\n\n[[garment]]'
+    line = next(line for line in text.splitlines() if line.startswith("belt ="))
+    (tmp_path / "bad.toml").write_text(text.replace(line, f"belt = {belt}").replace("[[garment]]", ball, 1))
+    assert message in said("check", tmp_path / "bad.toml", "--set", f"assets={howto_assets}", code=BAD_SCENE)
 
 
 # ---- cape
@@ -379,3 +423,90 @@ def test_a_zip_opens_from_the_top_and_the_button_holds_longer(run_howto, report_
     assert lower.max() < 1e-3 and np.all(np.diff(gaps[48][4:12]) > 0) and upper.min() > 5e-3
     assert gaps[72][0] < 1e-3 and gaps[72][1:12].min() > 0.03
     assert gaps[96][:12].min() > 0.1
+
+
+@pytest.fixture(scope="module")
+def patch(run_howto):
+    return run_howto(f"{HOWTO}/patch.toml", "0-80", resolution=14)
+
+
+def test_a_patch_hangs_at_the_points_of_the_faces_below_it_until_its_stitches_break(patch, report_figure):
+    """Stitches are as long as their springs allow, at points found anew; the record names each that breaks, and then nothing holds it."""
+    seam = patch.scene["seam"][0]
+    x, banner = patch.positions("patch"), patch.positions("banner")
+    faces = np.ascontiguousarray(patch.caches["banner"]["triangles"])
+    box = seam["from"]["where"]["box"]
+    sewn = np.flatnonzero(((x[0] >= box["min"]) & (x[0] <= box["max"])).all(axis=1))
+    start = np.ascontiguousarray(banner[0])
+    squared, found, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(x[0][sewn]), start, faces)
+    corners = faces[found]
+    weights = igl.barycentric_coordinates(np.ascontiguousarray(nearest), *(np.ascontiguousarray(start[corners[:, k]]) for k in range(3)))
+    places = np.einsum("ij,fijk->fik", weights, banner[:, corners])
+    lengths = np.linalg.norm(x[:, sewn] - places, axis=2) - np.sqrt(squared)
+    keys = np.array([[frame, number(force)] for frame, force in seam["break_force"]])
+    slack = np.interp(patch.numbers("patch"), *keys.T) / number(seam["strength"])
+    broken = {at["vertex"]: frame for frame, record in patch.records.items() for at in record.get("broken_stitches", [])}
+    assert sorted(broken) == sorted(sewn), "all stitches break"
+    numbers = patch.numbers("patch")
+    for column, vertex in enumerate(sewn):
+        at = numbers.index(broken[vertex])
+        assert np.all(lengths[:at, column] <= slack[:at] + 1e-5), f"vertex {vertex} holds too long"
+        assert lengths[at:, column].max() > slack[at]
+    last = numbers.index(max(broken.values()))
+    report_figure(f"{len(sewn)} stitches break in frames {min(broken.values())} to {max(broken.values())}; at the end {lengths[-1].min():.2f} m off")
+    assert last > 24 and lengths[-1].min() > 0.05 and patch.count("stitches_broken") == len(sewn) and patch.count("crossings") == 0
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ('to = { garment = "banner" }', 'to = { garment = "patch" }', "a garment cannot be sewn to its own surface"),
+    ('to = { garment = "banner" }', 'to = { garment = "banner", vertices = [0] }', "names the garment alone"),
+    ('to = { garment = "banner" }', 'to = { garment = "baner" }', "did you mean `banner`"),
+    ('pairing = "surface"\n', "", "a side of a seam needs exactly one of"),
+    ('[[40, "0.1 N"], [64, "0.001 N"]]', '[[24, "0.03 N"], [20, 1]]', "frames of `break_force` have to increase"),
+])  # fmt: skip
+def test_stitches_that_cannot_be_are_named(old, new, message, tmp_path):
+    text = (ROOT / HOWTO / "patch.toml").read_text()
+    assert old in text
+    (tmp_path / "bad.toml").write_text(text.replace(old, new))
+    assert message in said("check", tmp_path / "bad.toml", code=BAD_SCENE)
+
+
+# ---- elastic
+
+
+def test_a_band_gathers_a_tube_to_the_column_and_holds_it(run_howto, report_figure):
+    """Its length goes down to the circumference of the column; then friction alone carries the weight."""
+    run = run_howto(f"{HOWTO}/elastic.toml", resolution=40)
+    x, numbers = run.positions("skirt"), run.numbers("skirt")
+    box = run.garment("skirt")["elastic"][0]["where"]["box"]
+    ring = np.flatnonzero(((x[0] >= box["min"]) & (x[0] <= box["max"])).all(axis=1))
+    ring = ring[np.argsort(np.arctan2(x[0][ring, 2], x[0][ring, 0]))]
+    lengths = np.linalg.norm(x[:, np.roll(ring, 1)] - x[:, ring], axis=2).sum(axis=1)
+    circumference = 2 * np.pi * run.scene["body"][0]["shape"]["cylinder"]["radius"]
+    polygon = 2 * len(ring) * np.sin(np.pi / len(ring))
+    report_figure(f"band from {lengths[0]:.3f} m to {lengths[-1]:.3f} m, column {circumference:.3f} m")
+    assert lengths[0] == pytest.approx(0.18 * polygon, rel=1e-4)
+    assert circumference < lengths[-1] < 1.05 * circumference
+    height = x[:, ring, 1].mean(axis=1)
+    assert abs(height[-1] - height[numbers.index(24)]) < 0.01, "it slips"
+    free = run_howto(f"{HOWTO}/elastic.toml", resolution=40, **{"garment.skirt.elastic.0.stiffness": 0.0})
+    assert free.positions("skirt")[-1][ring, 1].mean() < height[-1] - 0.3, "without the band it falls"
+
+
+BAND = "min = [-1, 0.874, -1], max = [1, 1, 1] } }\nstiffness"
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    (BAND, BAND.replace("[-1, 0.874, -1], max = [1, 1, 1]", "[0.1799, 0.874, -0.001], max = [1, 1, 0.001]"), "no edge of the cloth has both of its ends"),
+    (BAND, BAND.replace("[-1, 0.874, -1], max = [1, 1, 1]", "[5, 5, 5], max = [6, 6, 6]"), "holds no vertex"),
+    ('stiffness = "20 N"', 'stiffness = "20 N/m"', "unit `N/m` does not fit here"),
+    ('stiffness = "20 N"', "", "`stiffness`"),
+    ("rest_scale = [[0, 1.0], [24, 0.6]]", "rest_scale = [[0, 1.0], [24, 0]]", "at frame 24"),
+    ("rest_scale = [[0, 1.0], [24, 0.6]]", "rest_scal = 0.6", "did you mean `rest_scale`"),
+])  # fmt: skip
+def test_bands_that_cannot_be_are_named(old, new, message, tmp_path):
+    text = (ROOT / HOWTO / "elastic.toml").read_text()
+    assert old in text
+    (tmp_path / "bad.toml").write_text(text.replace(old, new))
+    found = said("run", tmp_path / "bad.toml", "--frames", "0-0", "--out", tmp_path / "out", code=BAD_SCENE)
+    assert message in found, found

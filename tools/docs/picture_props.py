@@ -70,6 +70,10 @@ def column(_, floor):
     return [bar((0.0, 0.0, floor), (0.0, 0.0, 1.10), 0.135, "plaster")]
 
 
+def post(_, floor):
+    return [bar((0.0, 0.0, floor), (0.0, 0.0, 1.0), 0.129, "plaster")]
+
+
 def coat_hanger(garments, _):
     """A wooden neck that fills the collar, which moves it, and the cord on which the neck hangs."""
     points = studio.all_points([thing for garment in garments.values() for thing in garment])
@@ -103,7 +107,7 @@ def belt(garments, _):
 
 
 ADDED = {"ball_on_a_stand": ball_on_a_stand, "flag_pole": flag_pole, "curtain_rods": curtain_rods, "swing_bar": swing_bar, "column": column,
-         "coat_hanger": coat_hanger, "belt": belt}  # fmt: skip
+         "coat_hanger": coat_hanger, "belt": belt, "post": post}  # fmt: skip
 
 
 def paint(garment, maps):

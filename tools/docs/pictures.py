@@ -64,6 +64,11 @@ SHOTS = {
     "fabric": [shot(HOWTO / "fabric.toml", [24], {"square": look}, settings=(f"fabric={fabric}",), label=fabric, **OVER_BALL)
                for fabric, look in (("silk_light", "silk"), ("denim_11oz", "denim"), ("leather_garment", "leather"))],
     "closures": [shot(HOWTO / "closures.toml", [0, 60, 96], {"left": "cotton_blue", "right": "wool_teal"}, turn=15.0, size=(480, 640))],
+    "patch": [shot(HOWTO / "patch.toml", [24, 68, 76], {"banner": "cotton_blue", "patch": "wool_wine"}, turn=25.0, size=(480, 560))],
+    "elastic": [shot(HOWTO / "elastic.toml", [0, 24, 60], {"skirt": "wool_wine"}, add=["post"], turn=20.0, tilt=14.0,
+                     window=(0.95, 0.62), middle=(0.0, 0.0), floor=0.0, size=(480, 560))],
+    "belt_body": [shot(HOWTO / "belt_body.toml", [1001, 1009, 1025], {"skirt": "wool_grey", "belt": "leather"}, body=BODY, turn=35.0,
+                       tilt=12.0, window=(0.62, 0.98))],
     "over_time": [shot(HOWTO / "over_time.toml", [8, 28, 38], {"square": "cotton_blue"}, **{**OVER_BALL, "window": (1.15, 0.42)})],
     "painted_maps": [shot(MAPS, [0], {}, label="0: orange is stiff, violet is heavy, too", maps="starched", until=48, **CURTAINS),
                      shot(MAPS, [48], {}, label="48, with the maps", maps="starched", run=0, **CURTAINS),

@@ -135,7 +135,7 @@ impl Resolver<'_> {
         let (triangles, _) = first.triangulate();
         let point_count = first.points.len();
         let label = format!("body \"{}\"", body.name);
-        let input = InputMotion { label, source, rest, rows: None, own_units: body.units.is_some() };
+        let input = InputMotion { label, source, rest, rows: None, own_units: body.units.is_some(), is_made: false };
         let faces_inwards = enclosed_share(&triangles, &first.points) < 0.0;
         let ridges = Ridges::of(&first);
         Some((BodyShape::Surface { triangles, point_count }, input, faces_inwards, ridges))
@@ -151,6 +151,10 @@ impl Resolver<'_> {
             if written {
                 self.error(&path.clone().key(key), format!("`{key}` applies only to bodies from files"));
             }
+        }
+        if self.scene.document.garment.iter().any(|garment| garment.name == body.name) {
+            let what = format!("a garment is called \"{}\", too, and the cache of a belt has its name", body.name);
+            self.error_with(&path.clone().key("name"), what, "rename the belt".to_owned());
         }
         let bodies = &self.scene.document.body;
         let names: Vec<&str> = bodies.iter().map(|b| b.name.as_str()).collect();
@@ -190,7 +194,7 @@ impl Resolver<'_> {
         });
         let source = self.check(&here, source)?;
         let label = format!("body \"{}\"", body.name);
-        let input = InputMotion { label, source, rest: rest_of_belt, rows: None, own_units: true };
+        let input = InputMotion { label, source, rest: rest_of_belt, rows: None, own_units: true, is_made: true };
         Some((BodyShape::Surface { triangles, point_count }, input, false, ridges))
     }
 

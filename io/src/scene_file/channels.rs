@@ -10,6 +10,7 @@ use drapery_core::settings::SettingValue;
 
 use crate::error::IoError;
 use crate::formats;
+use crate::input_file;
 
 use super::diagnostics::SceneFileError;
 use super::tree::{Node, Sources, Table, Value};
@@ -64,7 +65,8 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
         let what = format!("channels are not read from {}", file.display());
         return Err(sources.error(&node.place, what, Some("name an Alembic or USD file".to_owned())));
     };
-    let samples = reads(&file, object, property).map_err(of_file)?;
+    // The system's own words for a missing file are the same everywhere; ours carry advice.
+    let samples = input_file::open(&file).and_then(|_| reads(&file, object, property)).map_err(of_file)?;
     let mut keys = Vec::new();
     for (time, numbers) in samples {
         let value = match numbers.iter().map(|number| scale * number).collect::<Vec<_>>()[..] {

@@ -302,7 +302,14 @@ impl Resolver<'_> {
         self.same_count(&here, "this mesh", points, "the garment", garment.points)?;
         let label = format!("pin track {track}");
         let rows = Some(vertices.clone());
-        self.tracks.push(InputMotion { label, source, rest: None, rows, own_units: garment.units.is_some() });
+        self.tracks.push(InputMotion {
+            label,
+            source,
+            rest: None,
+            rows,
+            own_units: garment.units.is_some(),
+            is_made: false,
+        });
         Some(PinTarget::Track { vertices, track: self.tracks.len() - 1 })
     }
 

@@ -17,6 +17,8 @@ from .scene_text import (
     Map,
     Pin,
     RenderMesh,
+    Belt,
+    Elastic,
     Seam,
     Shot,
     frame_rate,
@@ -93,6 +95,11 @@ def largest_strain(own):
     return next((fabric.strain / 100 for fabric in FABRICS if fabric.name == own.fabric), None)
 
 
+def hundredth(value):
+    """Per cent as a share, of a number or of a curve."""
+    return [(frame, each / 100) for frame, each in value] if isinstance(value, list) else value / 100
+
+
 def upright(vector):
     """Blender's Z up as the solver's Y up; also of the keys of a curve."""
     if isinstance(vector, list):
@@ -157,6 +164,15 @@ class Collected:
         for thing in self.garments:
             self.look_at(thing)
         self.look_at_seams()
+        taken = {plain_name(thing.name).lower() for thing in self.garments + self.bodies}
+        for thing in self.bodies:
+            for belt in thing.drapery.belts:
+                if belt.place is None:
+                    self.say(f'"{thing.name}": a belt has no place', "choose an empty in the middle of the waist, or remove the belt", thing)
+                elif plain_name(belt.place.name).lower() in taken:
+                    self.say(f'"{thing.name}": a belt would have the name of another object, "{belt.place.name}"', "rename the empty", thing)
+                else:
+                    taken.add(plain_name(belt.place.name).lower())
 
     def look_at(self, thing):
         own = thing.drapery
@@ -177,6 +193,9 @@ class Collected:
                          thing)
             if pin.body and pin.body not in self.bodies:
                 self.say(f'"{thing.name}": the body of a pin, "{pin.body.name}", is not marked in this scene', "choose another", thing)
+        for band in own.elastics:
+            if not band.group:
+                self.say(f'"{thing.name}": an elastic band has no vertex group', "choose one, or remove the band", thing)
         quantities = [painted.quantity for painted in own.maps]
         for quantity in sorted(set(quantities)):
             if quantities.count(quantity) > 1:
@@ -255,7 +274,9 @@ class Collected:
         elif other not in self.garments:
             self.say(f'{what} leads to "{other.name}", which is not a garment of this scene', "mark it as one, choose another, or remove "
                      "the seam", thing)
-        elif not seam.other_group:
+        elif seam.pairing == "SURFACE" and other == thing:
+            self.say(f"{what} leads to the surface of its own garment", "choose another garment, or other pairs", thing)
+        elif not seam.other_group and seam.pairing != "SURFACE":
             self.say(f'{what} leads to no vertex group of "{other.name}"', "choose one, or remove the seam", thing)
         elif (thing, own) == (other, seam.other_group):
             self.say(f"{what} leads to the same group", "choose another group, or another garment", thing)
@@ -269,8 +290,8 @@ class Collected:
                      "choose a later frame, or the same one for a button that opens at once", thing)
         if seam.own_opening and seam.own_closing and seam.opens < seam.closed:
             self.say(f"{what} opens at frame {seam.opens}, before it is closed at frame {seam.closed}", "let it open later", thing)
-        if seam.zip and seam.pairing == "NEAREST":
-            self.say(f"{what} is a zip, and nearest pairs have no order", "choose Pairs: Along the Edges", thing)
+        if seam.zip and seam.pairing != "LINE":
+            self.say(f"{what} is a zip, and its pairs have no order", "choose Pairs: Along the Edges", thing)
 
     def look_at_levels(self, thing):
         for modifier in list(thing.modifiers)[: division(thing)]:
@@ -312,15 +333,16 @@ class Collected:
         garments = [self.garment(thing, first, rate) for thing in self.garments]
         contacts = [self.contact(thing, rule) for thing in self.garments for rule in thing.drapery.contacts]
         seams = [self.seam(thing, seam, first, rate) for thing in self.garments for seam in thing.drapery.seams]
-        self.parts = shot, bodies, garments, seams, contacts
+        belts = [self.belt(thing, belt) for thing in self.bodies for belt in thing.drapery.belts if belt.place]
+        self.parts = shot, bodies, garments, seams, contacts, belts
 
     def text(self, sewn, sizes):
         """The scene file. Of the export it needs the vertices of both sides of each seam, and the size of each mesh in metres."""
-        shot, bodies, garments, seams, contacts = self.parts
+        shot, bodies, garments, seams, contacts, belts = self.parts
         usual = all(within(sizes[garment.file], OF_GARMENTS) for garment in garments)
         for body in bodies:
             body.sized = usual and not within(sizes[body.file], OF_BODIES)
-        return scene_text(shot, bodies, garments, zip(seams, sewn), contacts)
+        return scene_text(shot, bodies, garments, zip(seams, sewn), contacts, belts)
 
     def body(self, thing, rest):
         own, name = thing.drapery, plain_name(thing.name)
@@ -345,23 +367,26 @@ class Collected:
             weights.append({"source": source, "name": of, "file": file, "pins": pins})
             return file
 
-        garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, own.thickness if own.own_thickness else None, own.order)
+        garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, None, own.order)
+        garment.thickness = self.value(own, "thickness") if own.own_thickness else None
+        if own.own_rest_scale:
+            garment.rest_scale = hundredth(self.value(own, "rest_scale"))
         garment.extension = largest_strain(own) if own.stiffens else None
         garment.limited, garment.limit = own.strain_limit, own.strain / 100 if own.own_strain else None
         garment.stretch, garment.bending = (self.value(own, key) if getattr(own, f"own_{key}") else None for key in ("stretch", "bending"))
         garment.damping = own.damping if own.own_damping else None
         if own.pressure != "NONE":
             garment.pressure = own.pressure, self.value(own, "overpressure")
-        if own.own_thickness and isinstance(self.value(own, "thickness"), list):
-            self.say(f'"{thing.name}": the thickness of a garment cannot change over time', "key the thickness of a body or of a rule of "
-                     "contact, and delete these keyframes", thing)
         if own.render_mesh:
             garment.render_mesh = self.render_mesh(own.render_mesh, name, own.rigid)
         for pin in own.pins:
             body = self.body_of(pin)
             garment.pins.append(Pin(written("GROUP", pin.group, True), body and plain_name(body.name),
-                                    pin.stiffness if pin.hold == "SPRING" else None,
+                                    self.value(pin, "stiffness") if pin.hold == "SPRING" else None,
                                     float((pin.release - first) / rate) if pin.released else None))
+        for band in own.elastics:
+            numbers = self.value(band, "stiffness"), hundredth(self.value(band, "relaxed"))
+            garment.elastics.append(Elastic(written("GROUP", band.group, True), *numbers))
         for painted in own.maps:
             garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
         self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})
@@ -369,14 +394,22 @@ class Collected:
 
     def seam(self, thing, seam, first, rate):
         sides = (thing, seam.group), (seam.other, seam.other_group)
-        nearest = seam.pairing == "NEAREST"
-        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "nearest": nearest, "zip": seam.zip})
+        pairing = None if seam.pairing == "LINE" else seam.pairing.lower()
+        self.job["seams"].append({"sides": [[side.name_full, group] for side, group in sides], "pairing": pairing, "zip": seam.zip})
 
         def seconds(written, *frames):
             return [float((frame - first) / rate) if written else None for frame in frames]
 
         times = seconds(seam.own_closing, seam.start, seam.closed) + seconds(seam.own_opening, seam.opens, seam.opened)
-        return Seam(tuple(plain_name(side.name) for side, _ in sides), nearest, seam.stiffness, *times, seam.zip)
+        force = self.value(seam, "break_force") if seam.breaks else None
+        names = tuple(plain_name(side.name) for side, _ in sides)
+        return Seam(names, pairing, self.value(seam, "stiffness"), *times, seam.zip, pairing == "surface" and seam.keep_gap, force)
+
+    def belt(self, thing, belt):
+        scale, matrix = self.scene.unit_settings.scale_length, belt.place.matrix_world
+        at = upright(tuple(scale * along for along in matrix.translation))
+        axis = upright(tuple(matrix.to_3x3().col[2].normalized()))
+        return Belt(plain_name(belt.place.name), plain_name(thing.name), at, axis, belt.width, belt.depth, belt.gap)
 
     def render_mesh(self, mesh, name, rigid):
         # As of a garment: deforming modifiers at the top shape it at rest, all others follow.

@@ -312,8 +312,8 @@ class Export:
                                          name, None, bad))
             return
         if painted["pins"] and not any(value > 0.5 for value in numbers):
-            self.problems.append(problem(f'"{name}": no vertex of {what} "{painted["name"]}" is above one half, so that it pins '
-                                         "nothing", "paint the vertices that are held with more than 0.5", name))
+            self.problems.append(problem(f'"{name}": no vertex of {what} "{painted["name"]}" is above one half, so that it holds '
+                                         "nothing", "paint the vertices with more than 0.5", name))
             return
         try:
             put(self.folder / painted["file"], "".join(f"{value:.9g}\n" for value in numbers).encode())
@@ -326,10 +326,14 @@ class Export:
         # What is missing has been named as a garment.
         if any(thing is None for thing, _ in sides):
             return
+        if seam["pairing"] == "surface":
+            chosen = self.sewn(*sides[0])
+            self.seams.append(chosen and [chosen, None])
+            return
         chosen = [self.sewn(thing, group) for thing, group in sides]
         if None in chosen:
             return
-        if seam["nearest"]:
+        if seam["pairing"] == "nearest":
             self.seams.append(self.nearest(sides, chosen))
             return
         pairs = self.along_edges(sides, chosen)

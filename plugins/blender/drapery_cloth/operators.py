@@ -3,6 +3,7 @@
 import bmesh
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from mathutils import Vector
 
 from . import answers, load_cache, state, tasks
 from .answers import Problem
@@ -58,6 +59,41 @@ class OBJECT_OT_drapery_pin_add(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class OBJECT_OT_drapery_elastic_add(ActiveGarment, bpy.types.Operator):
+    """Sew an elastic band along the edges of a vertex group"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_elastic_add", "Add Band", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        thing = context.object
+        band = thing.drapery.elastics.add()
+        if thing.vertex_groups.active:
+            band.group = thing.vertex_groups.active.name
+        return {"FINISHED"}
+
+
+class OBJECT_OT_drapery_belt_add(bpy.types.Operator):
+    """Put a belt around the body: at an empty that is selected, otherwise at a new one in its middle"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_belt_add", "Add Belt", {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH" and context.object.drapery.role == "BODY"
+
+    def execute(self, context):
+        thing = context.object
+        empties = [other for other in context.selected_objects if other.type == "EMPTY"]
+        place = empties[0] if len(empties) == 1 else None
+        if place is None:
+            place = bpy.data.objects.new("belt", None)
+            corners = [thing.matrix_world @ Vector(corner) for corner in thing.bound_box]
+            place.location = sum(corners, Vector()) / len(corners)
+            context.scene.collection.objects.link(place)
+        thing.drapery.belts.add().place = place
+        return {"FINISHED"}
+
+
 class OBJECT_OT_drapery_seam_add(ActiveGarment, bpy.types.Operator):
     """Sew vertices of a group to others: of a second garment that is selected, otherwise of this one"""
 
@@ -100,13 +136,18 @@ class OBJECT_OT_drapery_contact_add(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
+class OBJECT_OT_drapery_remove(bpy.types.Operator):
     """Remove this row"""
 
     bl_idname, bl_label, bl_options = "object.drapery_remove", "Remove", {"REGISTER", "UNDO"}
 
-    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", ""), ("contacts", "Contact", "")])
+    rows: EnumProperty(items=[("pins", "Pins", ""), ("seams", "Seams", ""), ("maps", "Maps", ""), ("contacts", "Contact", ""),
+                               ("elastics", "Elastic Bands", ""), ("belts", "Belts", "")])
     index: IntProperty(min=0)
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH" and context.object.drapery.role != "NONE"
 
     def execute(self, context):
         rows = getattr(context.object.drapery, self.rows)
@@ -427,7 +468,8 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 
 
 CLASSES = (
-    OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
+    OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_elastic_add, OBJECT_OT_drapery_belt_add,
+    OBJECT_OT_drapery_seam_add, OBJECT_OT_drapery_map_add,
     OBJECT_OT_drapery_contact_add, OBJECT_OT_drapery_remove, SCENE_OT_drapery_write, SCENE_OT_drapery_check, SCENE_OT_drapery_plan,
     SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel, SCENE_OT_drapery_preview, SCENE_OT_drapery_dismiss, SCENE_OT_drapery_colours,
     SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,

@@ -59,6 +59,14 @@ class VIEW3D_PT_drapery_object(OwnRows, Panel, bpy.types.Panel):
         elif current == "BODY":
             self.own(layout, thing.drapery, "thickness")
             self.own(layout, thing.drapery, "friction")
+            for index, belt in enumerate(thing.drapery.belts):
+                box = layout.box()
+                row = box.row()
+                row.prop(belt, "place", text="Belt")
+                remove_button(row, "belts", index)
+                for key in ("width", "depth", "gap"):
+                    box.prop(belt, key)
+            layout.operator("object.drapery_belt_add", icon="ADD")
 
     def garment(self, layout, thing):
         own = thing.drapery
@@ -67,6 +75,7 @@ class VIEW3D_PT_drapery_object(OwnRows, Panel, bpy.types.Panel):
         if own.fabric == OTHER:
             layout.prop(own, "other_fabric")
         self.own(layout, own, "thickness")
+        self.own(layout, own, "rest_scale")
         self.own(layout, own, "strain")
         layout.prop(own, "stiffens")
         layout.prop(own, "strain_limit")
@@ -110,6 +119,24 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
             sub.active = pin.released
             sub.prop(pin, "release")
         self.layout.operator("object.drapery_pin_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_elastics(Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_elastics", "Elastic Bands", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        thing = context.object
+        for index, band in enumerate(thing.drapery.elastics):
+            box = self.layout.box()
+            row = box.row()
+            row.prop_search(band, "group", thing, "vertex_groups", text="")
+            remove_button(row, "elastics", index)
+            box.prop(band, "stiffness")
+            box.prop(band, "relaxed")
+        self.layout.operator("object.drapery_elastic_add", icon="ADD")
 
 
 class VIEW3D_PT_drapery_contact(OwnRows, Panel, bpy.types.Panel):
@@ -160,10 +187,17 @@ class VIEW3D_PT_drapery_seams(Panel, bpy.types.Panel):
             row.prop_search(seam, "group", thing, "vertex_groups", text="")
             remove_button(row, "seams", index)
             box.prop(seam, "other")
-            if seam.other:
+            if seam.other and seam.pairing != "SURFACE":
                 box.prop_search(seam, "other_group", seam.other, "vertex_groups")
             box.prop(seam, "pairing")
+            if seam.pairing == "SURFACE":
+                box.prop(seam, "keep_gap")
             box.prop(seam, "stiffness")
+            row = box.row()
+            row.prop(seam, "breaks")
+            sub = row.row()
+            sub.active = seam.breaks
+            sub.prop(seam, "break_force")
             box.prop(seam, "own_closing")
             if seam.own_closing:
                 row = box.row(align=True)
@@ -381,5 +415,5 @@ class VIEW3D_PT_drapery_colours(Report, Panel, bpy.types.Panel):
 
 
 CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_properties, VIEW3D_PT_drapery_contact, VIEW3D_PT_drapery_pins,
-           VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation,
+           VIEW3D_PT_drapery_elastics, VIEW3D_PT_drapery_seams, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot, VIEW3D_PT_drapery_simulation,
            VIEW3D_PT_drapery_warnings, VIEW3D_PT_drapery_preview, VIEW3D_PT_drapery_live, VIEW3D_PT_drapery_colours)

@@ -32,7 +32,7 @@ class Pin:
 
     file: str
     body: str | None = None
-    stiffness: float | None = None
+    stiffness: object = None
     until: float | None = None
 
 
@@ -53,19 +53,41 @@ class Body:
 
 
 @dataclass
+class Belt:
+    """A belt that is a body of its own, around the body `around`; lengths in mm, `at` a point in m and `axis` a direction, Y up."""
+
+    name: str
+    around: str
+    at: tuple
+    axis: tuple
+    width: float
+    depth: float
+    gap: float
+
+
+@dataclass
+class Elastic:
+    """An elastic band along the edges between vertices where the numbers in `file` are above one half; numbers may be curves."""
+
+    file: str
+    stiffness: object
+    rest_scale: object
+
+
+@dataclass
 class Garment:
     """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin.
 
     Strains are shares of a length: at `extension` cloth that stiffens carries the load of its material, None for one that does not
     stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material. `stretch` in N/m, `bending` in
-    µN·m and `damping`, a ratio, are those of the material where None; `pressure` is None or a pair, its kind and the pascals. Numbers
-    may be curves but for the thickness.
+    µN·m and `damping`, a ratio, are those of the material where None; `pressure` is None or a pair, its kind and the pascals.
+    `rest_scale` is a share of the lengths at rest, or None. Numbers may be curves.
     """
 
     name: str
     file: str
     material: str
-    thickness: float | None = None
+    thickness: object = None
     order: int = 1
     pins: list = field(default_factory=list)
     maps: list = field(default_factory=list)
@@ -77,6 +99,8 @@ class Garment:
     bending: object = None
     damping: float | None = None
     pressure: tuple | None = None
+    rest_scale: object = None
+    elastics: list = field(default_factory=list)
 
 
 @dataclass
@@ -99,19 +123,22 @@ class RenderMesh:
 
 @dataclass
 class Seam:
-    """Vertices that are sewn together, first with first, or each of the first side to the nearest of the second one.
+    """Vertices that are sewn together: `pairing` None for the first with the first, "nearest", or "surface".
 
-    `sides` are names of garments. Times are in seconds since the first frame, None for the solver's own; `stiffness` in N/m.
+    `sides` are names of garments. Times are in seconds since the first frame, None for the solver's own; `stiffness` in N/m and
+    `break_force` in N, None for a seam that holds, may be curves. With `keep_gap` the vertices stay as far apart as they start.
     """
 
     sides: tuple
-    nearest: bool
-    stiffness: float
+    pairing: str | None
+    stiffness: object
     start: float | None = None
     closed: float | None = None
     opens: float | None = None
     opened: float | None = None
     zip: bool = False
+    keep_gap: bool = False
+    break_force: object = None
 
 
 @dataclass
@@ -180,7 +207,7 @@ def quantity(value, unit="", factor=1.0):
     return f'"{text} {unit}"' if unit else text
 
 
-def scene_text(shot, bodies, garments, seams=(), contacts=()):
+def scene_text(shot, bodies, garments, seams=(), contacts=(), belts=()):
     """The scene file. Garments come in wearing order, the closest to the skin first; each seam with the vertices of its sides."""
     lines = [
         "# Written by the Drapery add-on for Blender. On a farm:",
@@ -199,6 +226,8 @@ def scene_text(shot, bodies, garments, seams=(), contacts=()):
     lines += ["[output]", f"format = [{', '.join(map(quoted, shot.formats))}]", "", *effect_lines(shot)]
     for body in bodies:
         lines += body_lines(body)
+    for belt in belts:
+        lines += belt_lines(belt)
     for garment in sorted(garments, key=lambda garment: garment.order):
         lines += garment_lines(garment)
     for seam, vertices in seams:
@@ -256,11 +285,20 @@ def body_lines(body):
     return [*lines, ""]
 
 
+def belt_lines(belt):
+    at, axis = (", ".join(map(number, vector)) for vector in (belt.at, belt.axis))
+    lengths = ", ".join(f'{key} = "{number(getattr(belt, key))} mm"' for key in ("width", "depth", "gap"))
+    return ["[[body]]", f"name = {quoted(belt.name)}",
+            f"belt = {{ around = {quoted(belt.around)}, at = [{at}], axis = [{axis}], {lengths} }}", ""]
+
+
 def garment_lines(garment):
     lines = ["[[garment]]", f"name = {quoted(garment.name)}", f"rest = {quoted(garment.file)}"]
     lines.append(f"material = {quoted(garment.material)}")
     if garment.thickness is not None:
-        lines.append(f'thickness = "{number(garment.thickness)} mm"')
+        lines.append(f"thickness = {quantity(garment.thickness, 'mm')}")
+    if garment.rest_scale is not None:
+        lines.append(f"rest_scale = {quantity(garment.rest_scale)}")
     if garment.maps:
         pairs = [f"{painted.quantity} = {quoted('file:' + painted.file)}" for painted in garment.maps]
         lines.append(f"maps = {{ {', '.join(pairs)} }}")
@@ -288,20 +326,28 @@ def garment_lines(garment):
         lines += ["[[garment.pin]]", f"map = {quoted('file:' + pin.file)}"]
         lines.append(f"to = {quoted('body:' + pin.body if pin.body else 'start')}")
         if pin.stiffness is not None:
-            lines += ['mode = "spring"', f'stiffness = "{number(pin.stiffness)} N/m"']
+            lines += ['mode = "spring"', f"stiffness = {quantity(pin.stiffness, 'N/m')}"]
         if pin.until is not None:
             lines.append(f'until = "{pin.until:.9g} s"')
         lines.append("")
+    for band in garment.elastics:
+        lines += ["[[garment.elastic]]", f"map = {quoted('file:' + band.file)}", f"stiffness = {quantity(band.stiffness, 'N')}"]
+        lines += [f"rest_scale = {quantity(band.rest_scale)}", ""]
     return lines
 
 
 def seam_lines(seam, vertices):
     lines = ["[[seam]]"]
     for key, name, numbers in zip(("from", "to"), seam.sides, vertices):
-        lines.append(f"{key} = {{ garment = {quoted(name)}, vertices = {json.dumps(numbers)} }}")
-    if seam.nearest:
-        lines.append('pairing = "nearest"')
-    lines.append(f'strength = "{number(seam.stiffness)} N/m"')
+        named = "" if numbers is None else f", vertices = {json.dumps(numbers)}"
+        lines.append(f"{key} = {{ garment = {quoted(name)}{named} }}")
+    if seam.pairing:
+        lines.append(f"pairing = {quoted(seam.pairing)}")
+    lines.append(f"strength = {quantity(seam.stiffness, 'N/m')}")
+    if seam.keep_gap:
+        lines.append("keep_gap = true")
+    if seam.break_force is not None:
+        lines.append(f"break_force = {quantity(seam.break_force, 'N')}")
     if seam.start is not None:
         lines += [f'start = "{seam.start:.9g} s"', f'closed = "{seam.closed:.9g} s"']
     if seam.opens is not None:

@@ -40,10 +40,13 @@ COLOURS = [("NONE", "None", "No colours: meshes and windows as they were before"
            ("STRAIN", "Strain", "How far the edges are stretched, from 0 to the largest strain of the fabric"),
            ("CONTACT", "Contact", "How close the cloth is to bodies and other garments, in thicknesses")]
 
-# Settings that may be keyframed. `thickness` is that of a body.
+# Settings that may be keyframed.
 OVER_TIME = {
     "DraperyContact": ("friction", "thickness"),
-    "DraperyObject": ("thickness", "friction", "stretch", "bending", "overpressure"),
+    "DraperyElastic": ("stiffness", "relaxed"),
+    "DraperyObject": ("thickness", "friction", "stretch", "bending", "overpressure", "rest_scale"),
+    "DraperyPin": ("stiffness",),
+    "DraperySeam": ("stiffness", "break_force"),
     "DraperyScene": ("gravity_acceleration", "wind_velocity", "self_friction", "air_drag_rate"),
 }
 
@@ -109,7 +112,7 @@ class DraperyPin(bpy.types.PropertyGroup):
                ("SPRING", "Spring", "Drawn by springs: to a body if one is chosen, otherwise to where they start")])
     body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_body,
                           description="Which body; left empty, the first one (of springs: none)")
-    stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
+    stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring; may be keyframed")
     released: BoolProperty(name="Release", description="The vertices are free from a frame on")
     release: IntProperty(name="At", default=100, description="Frame up to which the vertices are held")
 
@@ -128,9 +131,15 @@ class DraperySeam(bpy.types.PropertyGroup):
                 "They are sewn one by one from end to end; of the two directions (and the starts of a ring) the one that brings the "
                 "sides closest where they start"),
                ("NEAREST", "Nearest", "Each vertex of this group to the vertex of the other one that is nearest where they start. "
-                "Several may meet in one, and vertices of the other side may stay free: begin with the group that has more")])
+                "Several may meet in one, and vertices of the other side may stay free: begin with the group that has more"),
+               ("SURFACE", "On the Surface", "Each vertex of this group to the nearest point of the faces of the other garment: a patch, a "
+                "pocket, a brooch")])
+    keep_gap: BoolProperty(name="Keep Gap", description="The vertices stay as far from the surface as they start, instead of being drawn to it")
+    breaks: BoolProperty(name="Breaks", description="A pair opens for good when it is pulled too hard")
+    break_force: FloatProperty(name="At (N)", default=5.0, min=1e-6, max=1e6, precision=3, description="Force on one pair at which it breaks; "
+                               "may be keyframed")
     stiffness: FloatProperty(name="Stiffness (N/m)", default=400.0, min=1e-3, max=1e7,
-                             description="Of each pair of vertices; a seam that is pulled opens by force over stiffness")
+                             description="Of each pair of vertices; a seam that is pulled opens by force over stiffness; may be keyframed")
     own_closing: BoolProperty(name="Closing Frames", description="Off: the gaps close evenly from the start of the simulation to the "
                               "first frame, or over one second if there is no pre-roll")
     start: IntProperty(name="From", default=1, description="Frame at which the gaps begin to close; before the first frame is the pre-roll")
@@ -142,6 +151,28 @@ class DraperySeam(bpy.types.PropertyGroup):
                         "at once")
     zip: BoolProperty(name="Zip", description="Closes one pair after the other, from the lower end of its line to the upper one, and opens "
                       "from the upper end. Needs Pairs: Along the Edges")
+
+
+@overridable
+class DraperyElastic(bpy.types.PropertyGroup):
+    """An elastic band along edges of a garment: a waist, a cuff, a hem."""
+
+    group: StringProperty(name="Vertex Group", description="Edges with both ends above one half are elastic: choose a loop of edges")
+    stiffness: FloatProperty(name="Stiffness (N)", default=20.0, min=0.0, max=1e6, description="Force per unit strain; a soft waistband has 10 "
+                             "to 30 N; may be keyframed")
+    relaxed: FloatProperty(name="Relaxed (%)", default=70.0, min=1.0, max=10000.0, precision=1, description="Relaxed length, in per cent of "
+                           "that of the edges at rest: 70 gathers the cloth; may be keyframed")
+
+
+@overridable
+class DraperyBelt(bpy.types.PropertyGroup):
+    """A belt around a body, which follows it and is a body of its own."""
+
+    place: PointerProperty(name="Around", type=bpy.types.Object, description="An empty in the middle of the waist, or of what else the belt "
+                           "runs around, in the first frame; the belt runs around its Z axis and has its name")
+    width: FloatProperty(name="Width (mm)", default=40.0, min=0.1, max=10000.0, description="Along the axis")
+    depth: FloatProperty(name="Strap (mm)", default=4.0, min=0.1, max=10000.0, description="Thickness of the strap")
+    gap: FloatProperty(name="Gap (mm)", default=6.0, min=0.0, max=10000.0, description="Room for cloth between belt and body")
 
 
 @overridable
@@ -179,8 +210,7 @@ class DraperyObject(bpy.types.PropertyGroup):
     other_fabric: StringProperty(name="Material", description="Name of a material from the studio's material files")
     own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
     thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
-                             description="Distance that layers of cloth keep, or that a body keeps from cloth; of a body it may be "
-                             "keyframed")
+                             description="Distance that layers of cloth keep, or that a body keeps from cloth; may be keyframed")
     own_strain: BoolProperty(name="Strain", description="Largest strain, instead of that of the fabric")
     strain: FloatProperty(name="%", default=8.0, min=0.1, max=1000.0, precision=1,
                           description="How far the cloth stretches, in per cent of its length")
@@ -218,6 +248,11 @@ class DraperyObject(bpy.types.PropertyGroup):
                                  "buttons, modelled around it as it is at rest. It follows the cloth")
     rigid: StringProperty(name="Rigid", description="Materials of the render mesh whose pieces do not bend, with commas between "
                           "them: button*, buckle")
+    own_rest_scale: BoolProperty(name="Shrink or Grow", description="Lengths at rest are others than those of the mesh")
+    rest_scale: FloatProperty(name="%", default=100.0, min=1.0, max=10000.0, precision=1,
+                              description="Lengths at rest, in per cent of those of the mesh; keyframe it to shrink or grow")
+    elastics: CollectionProperty(type=DraperyElastic)
+    belts: CollectionProperty(type=DraperyBelt)
     pins: CollectionProperty(type=DraperyPin)
     seams: CollectionProperty(type=DraperySeam)
     maps: CollectionProperty(type=DraperyMap)
@@ -300,7 +335,7 @@ class DraperyPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "exporter")
 
 
-CLASSES = (DraperyPin, DraperySeam, DraperyContact, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+CLASSES = (DraperyPin, DraperySeam, DraperyElastic, DraperyBelt, DraperyContact, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
 # What gets a property `drapery`, and of which kind.
 PROPERTIES = ((bpy.types.Object, DraperyObject), (bpy.types.Scene, DraperyScene))
 

@@ -24,6 +24,7 @@ use crate::farm::stale;
 use crate::farm::stop::{Reason, Request};
 use crate::frame_digest::FrameDigests;
 use crate::long_frames::Watch;
+use crate::run::belts;
 use crate::run::counted::{Counted, SoFar};
 use crate::run::dump::{self, Dump};
 use crate::run::folder::{Earlier, Held, files_of_run, refuse_inputs};
@@ -230,6 +231,7 @@ impl<'a> Run<'a> {
                 (output, so_far, saved)
             }
         };
+        belts::write(&shot, &options.out)?;
         let SoFar { totals, counted } = so_far;
         let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
         let (clock, is_new) = (Instant::now(), found.is_none());

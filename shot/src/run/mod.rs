@@ -1,6 +1,7 @@
 //! The frame loop and the folder that it writes: where a run begins (`resume`), what it holds (`folder`, `output`), what it
 //! leaves behind when the solver gives up (`bundle`), and the cloth after lines of a step (`dump`).
 
+mod belts;
 mod bundle;
 mod counted;
 mod dump;

@@ -26,6 +26,7 @@ use crate::point_attributes::FrameAttributes;
 use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
+use crate::run::belts;
 use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
@@ -499,11 +500,12 @@ fn layers(shot: &Shot, planned: &[Planned], folder: &Path) -> Vec<ShotLayer> {
     formats.filter_map(layer).collect()
 }
 
-/// All files that a shot writes for other programs into a folder: caches, and files over them.
+/// All files that a shot writes for other programs into a folder: caches, those of belts, and files over them.
 pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     let planned = planned(shot, folder);
     let over = layers(shot, &planned, folder).into_iter().map(|layer| layer.path);
-    paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).collect()
+    let belts = belts::files(shot, folder);
+    paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).chain(belts).collect()
 }
 
 /// The files over the caches of all garments of a format that a shot writes into a folder.
