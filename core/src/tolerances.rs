@@ -17,6 +17,10 @@ pub(crate) const NO_DIRECTION: f64 = 1e-300;
 /// Shortest rest edge that is not degenerate, relative to the size of its garment. Guarded by the validation tests.
 pub(crate) const DEGENERATE_EDGE: f64 = 1e-9;
 
+/// Difference of the sum of barycentric weights from one that counts as rounding. Guarded by
+/// `stitches_on_faces_that_cannot_be_are_refused`.
+pub(crate) const WEIGHTS_ROUNDING: f64 = 1e-9;
+
 /// Smallest rest area of a triangle relative to the square of its longest edge. Guarded by the validation tests.
 pub const DEGENERATE_AREA: f64 = 1e-10;
 

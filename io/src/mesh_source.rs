@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 
-use crate::belt::BeltReader;
 use crate::error::IoError;
 use crate::formats;
 use crate::memory_mesh::{MemoryMesh, MemoryReader};
@@ -57,7 +56,10 @@ impl MeshSource {
     }
 
     /// Another mesh, in metres with Y up, that follows this one.
-    pub(crate) fn followed_by(self, reader: impl FnOnce(Self) -> Result<BeltReader, String>) -> Result<Self, String> {
+    pub(crate) fn followed_by<R: MeshReader + 'static>(
+        self,
+        reader: impl FnOnce(Self) -> Result<R, String>,
+    ) -> Result<Self, String> {
         let path = self.path.clone();
         Ok(Self { path, units: Units::SI.into(), reader: Box::new(reader(self)?), memory: None })
     }

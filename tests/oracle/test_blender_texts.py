@@ -97,7 +97,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert (sewn["opens"], sewn["opened"], sewn["zip"]) == ("2 s", "2.5 s", True) and "opens" not in nearest and not nearest["zip"]
     assert nearest["pairing"] == "nearest"
     assert [(rule["between"], rule["ignore"]) for rule in resolved["contact"]] == [(["garment.coat", "body.floor"], True)]
-    assert {"seams", "elastic", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
+    assert {"seams", "elastic_bands", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
 
 
 def test_a_belt_is_a_body_around_another(parts):

@@ -164,7 +164,7 @@ fn with_all_that_changes(integrator: Integrator) -> SceneDescription {
     sheet_of.map_curves.insert("density".into(), vec![(1.0, map(1.0)), (5.0, map(0.5))]);
     let vertices = (0..columns).collect();
     description.elastics.push(ElasticDescription { rest_scale: 0.9, ..ElasticDescription::new(0, vertices, 2.0) });
-    description.effects.push(EffectRequest::of_scene("elastic"));
+    description.effects.push(EffectRequest::of_scene("elastic_bands"));
     description.effects.push(EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.2));
     let mut patch = GarmentDescription::new("patch", sheet(3, 3, 0.025), 0.3);
     patch.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.003, 0.215, 0.004));
@@ -207,7 +207,7 @@ fn all_that_changes_has_the_same_bits_after_a_pause_and_on_any_ranks() {
             match left_out {
                 "elastic" => {
                     without.elastics.clear();
-                    without.effects.retain(|effect| effect.effect != "elastic");
+                    without.effects.retain(|effect| effect.effect != "elastic_bands");
                     without.curves.retain(|path, _| !path.contains("elastic"));
                 }
                 "plastic_wrinkles" => without.effects.retain(|effect| effect.effect != "plastic_wrinkles"),

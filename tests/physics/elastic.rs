@@ -31,7 +31,7 @@ fn a_band_and_the_cloth_share_their_tension() {
         description
             .elastics
             .push(ElasticDescription { rest_scale: 0.6, ..ElasticDescription::new(0, vec![0, 1], 5.0) });
-        description.effects.push(EffectRequest::of_scene("elastic"));
+        description.effects.push(EffectRequest::of_scene("elastic_bands"));
         let mut simulation = start(description);
         run(&mut simulation, 96);
         // E₁ (l / l₀ − 1) + E₂ (l / (s l₀) − 1) = 0 along the base; the corner follows, its edges at rest.
@@ -40,7 +40,7 @@ fn a_band_and_the_cloth_share_their_tension() {
         for (found, expected) in lengths(&simulation).into_iter().zip([expected, side, side]) {
             assert!((found - expected).abs() < 1e-7, "{integrator:?}: {found} m for {expected} m");
         }
-        let plan = simulation.plan().iter().find(|effect| effect.name == "elastic").expect("it is planned");
+        let plan = simulation.plan().iter().find(|effect| effect.name == "elastic_bands").expect("it is planned");
         assert_eq!(plan.elements, 1);
         assert!(
             plan.notes[0].contains("1 edges, 0.2000 m long in the rest shape, 0.1200 m relaxed"),
@@ -82,7 +82,7 @@ fn bands_of_no_length_and_of_other_vertices_are_refused() {
     let refusal = |vertices: Vec<u32>, stiffness: f64| {
         let mut description = triangle(Integrator::TrBdf2);
         description.elastics.push(ElasticDescription::new(0, vertices, stiffness));
-        description.effects.push(EffectRequest::of_scene("elastic"));
+        description.effects.push(EffectRequest::of_scene("elastic_bands"));
         let input = drapery_core::simulation::FrameInput::to_frame(0);
         match drapery_core::scene::Scene::validate(description) {
             Ok(scene) => Simulation::new(scene, &input).map(drop).unwrap_err().to_string(),

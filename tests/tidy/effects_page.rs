@@ -78,7 +78,7 @@ fn asked_for(spec: &EffectSpec) -> String {
         }
         (Scope::Implied, "pins") => "by any `[[garment.pin]]` with `mode = \"hard\"`, which is the default".to_owned(),
         (Scope::Implied, "attachments") => "by any `[[garment.pin]]` with `mode = \"spring\"`".to_owned(),
-        (Scope::Implied, "elastic") => "by any `[[garment.elastic]]`".to_owned(),
+        (Scope::Implied, "elastic_bands") => "by any `[[garment.elastic]]`".to_owned(),
         (Scope::Implied, "seams") => "by any `[[seam]]`".to_owned(),
         (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),
         (Scope::Implied, name) => panic!("say here what asks for {name}"),

@@ -53,7 +53,7 @@ pub static INPUTS: [EffectInput; 6] = [
         remove: |scene| scene.pins.retain(PinDescription::is_hard),
     },
     EffectInput {
-        effect: "elastic",
+        effect: "elastic_bands",
         one: "an elastic band",
         asks: Some(|scene| !scene.elastics.is_empty()),
         because: |scene| {

@@ -15,7 +15,7 @@ pub(crate) mod bending;
 pub mod body_collision;
 pub mod cost;
 pub(crate) mod dihedral_bending;
-pub(crate) mod elastic;
+pub(crate) mod elastic_bands;
 pub(crate) mod ether_drag;
 pub mod gravity;
 pub(crate) mod membrane;
@@ -49,7 +49,7 @@ registry::effects! {
     bending if "effects",
     dihedral_bending if "effects",
     plastic_wrinkles if "effects",
-    elastic if "effects",
+    elastic_bands if "effects",
     wind if "effects",
     ether_drag if "effects",
     pressure if "effects",

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use super::recovery::is_finite;
-use super::{BrokenHold, FrameSummary, GarmentStrains, HoldOwner, Simulation, StrainRecord};
+use super::{FrameSummary, GarmentStrains, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
@@ -16,6 +16,26 @@ use crate::step::Dynamics;
 
 /// One edge in so many is left out of [`GarmentStrains::p99_9`].
 const EDGES_FOR_ONE: u64 = 1000;
+
+/// A vertex that a pin or a seam has let go for good.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenHold {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertex in the garment's own order.
+    pub vertex: u32,
+    /// The pin or the seam.
+    pub of: HoldOwner,
+}
+
+/// The owner of a hold that broke.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HoldOwner {
+    /// Number of the pin in the scene.
+    Pin(usize),
+    /// Number of the seam in the scene.
+    Seam(usize),
+}
 
 /// A vertex that was let go; ordered by the pin, then by the seam.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]

@@ -48,6 +48,7 @@ pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
 pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
+pub use frame_summary::{BrokenHold, HoldOwner};
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
@@ -108,26 +109,6 @@ pub struct GarmentStrains {
     pub largest: f64,
     /// The same of the edge that one in a thousand exceeds.
     pub p99_9: f64,
-}
-
-/// A vertex that a pin or a seam has let go for good.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BrokenHold {
-    /// Name of the garment.
-    pub garment: String,
-    /// Its vertex in the garment's own order.
-    pub vertex: u32,
-    /// The pin or the seam.
-    pub of: HoldOwner,
-}
-
-/// The owner of a hold that broke.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HoldOwner {
-    /// Number of the pin in the scene.
-    Pin(usize),
-    /// Number of the seam in the scene.
-    Seam(usize),
 }
 
 /// Summary of one frame: steps, counts, strains and energies.

@@ -12,8 +12,8 @@ use super::deserialize::dotted;
 use super::diagnostics::SceneFileError;
 use super::effects;
 use super::fields::{self, TABLES};
+use super::frame_rate;
 use super::raw::Quantity;
-use super::resolve;
 use super::tree::{Node, Path, Segment, Sources, Value};
 
 /// A curve of the scene file.
@@ -86,7 +86,7 @@ pub(super) fn take(root: &mut Node, sources: &Sources, folder: &FilePath) -> Res
     for (fields, path) in tables {
         for field in fields {
             let path = path.clone().key(field.name);
-            let fps = frame_rate(root);
+            let fps = frames_per_second(root);
             let Some(node) = path.find_mut(root).filter(|node| is_curve(field, node)) else { continue };
             let written = node.clone();
             let (keys, first, file) = if channels::is_channel(&written) {
@@ -129,7 +129,7 @@ fn is_curve(field: &Field, node: &Node) -> bool {
 }
 
 /// Frames per second of the shot; what is wrong with them is reported elsewhere.
-fn frame_rate(root: &Node) -> f64 {
+fn frames_per_second(root: &Node) -> f64 {
     let fps = Path::default().key("shot").key("fps");
     let fps = match &fps.find(root).value {
         Value::Integer(fps) => Quantity::Number(*fps as f64),
@@ -137,7 +137,7 @@ fn frame_rate(root: &Node) -> f64 {
         Value::Text(fps) => Quantity::Text(fps.clone()),
         _ => Quantity::Number(24.0),
     };
-    resolve::frame_rate(&fps).map_or(24.0, |(numerator, denominator)| f64::from(numerator) / f64::from(denominator))
+    frame_rate::frame_rate(&fps).map_or(24.0, |(numerator, denominator)| f64::from(numerator) / f64::from(denominator))
 }
 
 /// Keys of a channel, the value of the first, and the file.

@@ -30,6 +30,7 @@ mod diagnostics;
 mod effects;
 mod fields;
 mod file_names;
+mod frame_rate;
 mod garments;
 mod maps;
 mod material_files;

@@ -34,10 +34,10 @@ impl Resolver<'_> {
         let sorted = |side: Side, written: &SeamSide| if zip && written.region.is_some() { side.along() } else { side };
         let from = sorted(from, &seam.from);
         let stitches = if pairing == Pairing::Surface {
-            self.to_surface(&from, &seam.to, &path.clone().key("to"))
+            self.surface_stitches(&from, &seam.to, &path.clone().key("to"))
         } else {
             let to = self.seam_side(&seam.to, &path.clone().key("to")).map(|to| sorted(to, &seam.to));
-            to.and_then(|to| self.to_vertices(&from, &to, (seam, pairing), path))
+            to.and_then(|to| self.vertex_stitches(&from, &to, (seam, pairing), path))
         };
         let Some((to, pairs, faces)) = stitches else { return };
         let timeline = self.description.timeline;
@@ -69,7 +69,7 @@ impl Resolver<'_> {
     }
 
     /// The second garment, and the pairs of vertices.
-    fn to_vertices(
+    fn vertex_stitches(
         &mut self,
         from: &Side,
         to: &Side,
@@ -89,7 +89,7 @@ impl Resolver<'_> {
     }
 
     /// The second garment, and the nearest point of its faces for each vertex.
-    fn to_surface(&mut self, from: &Side, to: &SeamSide, path: &Path) -> Option<Stitches> {
+    fn surface_stitches(&mut self, from: &Side, to: &SeamSide, path: &Path) -> Option<Stitches> {
         let garment = self.seam_garment(to, path)?;
         if named(to).ways() != 0 {
             let what = "with `pairing = \"surface\"` this side names the garment alone";

@@ -12,6 +12,7 @@ use crate::scene::{
     PinDescription, SMALLEST_DENSITY, SceneDescription,
 };
 use crate::settings::{Field, Settings, Written, short};
+use crate::tolerances::WEIGHTS_ROUNDING;
 
 /// The maps of a garment, and the keys of those that change over time, by what they are of.
 fn all_maps(garment: &GarmentDescription) -> impl Iterator<Item = (&String, &PaintedMap)> {
@@ -228,7 +229,7 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
         {
             refuse(format!("vertex {} is sewn to a face of its own", point.vertex), "sew it to another face");
         }
-        let is_barycentric = |p: &&FacePoint| (p.weights.iter().sum::<f64>() - 1.0).abs() <= 1e-9;
+        let is_barycentric = |p: &&FacePoint| (p.weights.iter().sum::<f64>() - 1.0).abs() <= WEIGHTS_ROUNDING;
         if let Some(point) = seam.faces.iter().find(|p| !is_barycentric(p)) {
             let what = format!("the weights of the face of vertex {} do not add up to one", point.vertex);
             refuse(what, "give barycentric weights");

@@ -21,7 +21,7 @@ use crate::settings::Settings;
 
 /// Registry entry.
 pub(crate) static SPEC: EffectSpec = EffectSpec {
-    name: "elastic",
+    name: "elastic_bands",
     summary: "elastic bands along edges gather the cloth",
     scope: Scope::Implied,
     example: r#"[[garment.elastic]]
