@@ -49,7 +49,7 @@ const ROOMS: [&str; 34] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 29] = [
+const IO_ROOMS: [&str; 30] = [
     "error",
     "input_file",
     "atomic_file",

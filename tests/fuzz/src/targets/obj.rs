@@ -1,8 +1,7 @@
 //! Wavefront OBJ, and what is made of any mesh: its checks and its triangles.
 
 use crate::{memory, scratch};
-use drapery_core::Vec3;
-use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
+use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 use drapery_io::formats;
 use drapery_io::mesh_data::MeshData;
 
