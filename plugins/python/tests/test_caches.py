@@ -63,9 +63,9 @@ def test_attributes_are_those_of_the_positions(tmp_path: Path, extension: str, u
     words = ["normals", "rest", "strain", "contact", "thickness"]
     made = drapery.Scene.parse(
         f'drapery = 1\n[shot]\nframes = "1-3"\n{units}[gravity]\n[output]\nformat = ["{extension}"]\n'
-        f'attributes = {words!r}\n[[garment]]\nname = "angle"\nrest = "angle.obj"\nunits = {{ length = "m", up = "Y" }}\n'
-        'material = "cotton_shirting"\nthickness = "2 mm"\n[[garment.pin]]\nselect = { vertices = [0] }\n',
-        tmp_path,
+        f'attributes = {words}\n[[garment]]\nname = "angle"\nrest = "angle.obj"\nunits = {{ length = "m", up = "Y" }}\n'
+        'material = "cotton_shirting"\nthickness = "2 mm"\n[[garment.pin]]\nvertices = [0]\n',
+        folder=tmp_path,
     )
     made.shot().run(tmp_path / "out")
     mesh = drapery.open_cache(tmp_path / "out" / f"angle.{extension}").mesh
