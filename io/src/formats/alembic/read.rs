@@ -1,5 +1,6 @@
 //! Alembic meshes: polygon meshes and subdivision surfaces, with the transforms of all parents applied at the time
-//! asked for. Where the normals of face corners or faces differ at a point, edges are hard. Objects are chosen by a pattern over their full paths; several are merged in the order of their paths.
+//! asked for. Where the normals of face corners or faces differ at a point, edges are hard. Objects are chosen by a pattern over
+//! their full paths; several are merged in the order of their paths.
 //!
 //! Alembic faces are clockwise seen from outside, so they are reversed on reading; under a mirrored parent they already
 //! are counter-clockwise in the world. Shears and scales need no care: points go through the full matrix.
