@@ -48,7 +48,7 @@ OVER_TIME = {
 }
 
 # Attributes at the points of caches, by their words in the scene file.
-ATTRIBUTES = [("normals", "Normals", "Smooth but for sharp edges; render meshes always have them"),
+ATTRIBUTES = [("normals", "Normals", "Smooth normals; render meshes always have them"),
               ("rest", "Rest", "Positions at rest, on which solid textures stay fixed"),
               ("strain", "Strain", "Greatest strain of the edges at a vertex: length over rest length, less one"),
               ("contact", "Contact", "1 where cloth touches a body or other cloth, 0 from twice the thickness on"),
