@@ -17,6 +17,9 @@ SCENE = """
 drapery = 1
 [shot]
 frames = "1-3"
+[units]
+length = "m"
+up = "Y"
 [gravity]
 [output]
 format = ["abc", "h5", "usd"]
