@@ -16,13 +16,13 @@ use drapery_core::Vec3;
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, triangles_of};
 use crate::mesh_data::{Connectivity, DataType, MeshData, MeshParam, PodType, Scope};
-use crate::normals;
+use crate::normals::{self, SplitNormals};
 use crate::units::Units;
 
 /// An attribute that a scene can ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Attribute {
-    /// Smooth normals.
+    /// Normals, smooth but for hard edges.
     Normals,
     /// Positions at rest.
     Rest,
@@ -267,7 +267,7 @@ impl RestEdges {
 /// The attributes of a garment that follow from its positions as they are stored: normals and strain.
 #[derive(Debug, Clone, Default)]
 pub struct FromPositions {
-    faces: Option<Connectivity>,
+    faces: Option<(Connectivity, Option<SplitNormals>)>,
     edges: Option<RestEdges>,
 }
 
@@ -283,13 +283,14 @@ impl FromPositions {
         let data = mesh.read()?;
         let edges = strain.then(|| RestEdges::of(&data));
         let (face_counts, face_indices) = (data.mesh.face_counts, data.mesh.face_indices);
-        Ok(Self { faces: normals.then_some(Connectivity { face_counts, face_indices }), edges })
+        let faces = normals.then_some((Connectivity { face_counts, face_indices }, data.split_normals));
+        Ok(Self { faces, edges })
     }
 
-    /// Normals at the points; none if they are not asked for.
+    /// Normals at the points, or those that hard edges split; none if they are not asked for.
     pub fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let at_points = |faces: &Connectivity| normals::at_points(&faces.face_counts, &faces.face_indices, positions);
-        self.faces.as_ref().map_or_else(Vec::new, at_points)
+        let Some((faces, split)) = &self.faces else { return Vec::new() };
+        normals::of_faces((&faces.face_counts, &faces.face_indices), split.as_ref(), positions)
     }
 
     /// Whether strain is asked for.

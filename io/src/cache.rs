@@ -33,7 +33,7 @@ pub struct CachePlan<'a> {
     pub last_frame: i64,
     /// Whether velocities are stored.
     pub velocities: bool,
-    /// Whether frames come with normals, one for each point.
+    /// Whether frames come with normals, one for each point or each of the mesh's [`SplitNormals`](crate::normals::SplitNormals).
     pub normals: bool,
     /// Whether frames come with their number of crossings.
     pub crossings: bool,
@@ -97,7 +97,7 @@ pub struct CacheFrame<'a> {
     pub positions: &'a [[f32; 3]],
     /// Velocities per second; empty when none are stored.
     pub velocities: &'a [[f32; 3]],
-    /// Normals at the points ([`crate::normals`]); empty when none are stored.
+    /// Normals at the points, or those that hard edges split ([`crate::normals`]); empty when none are stored.
     pub normals: &'a [[f32; 3]],
     /// Number of edges of cloth that pass through triangles of cloth in the positions as they are stored, in all
     /// garments of the shot; given with every sample or never, as planned.

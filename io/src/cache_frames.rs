@@ -17,6 +17,7 @@ use drapery_core::mesh::PolygonMesh;
 use crate::attributes::{PointAttributes, StoredValues};
 use crate::error::IoError;
 use crate::mesh_data::{Connectivity, MeshData};
+use crate::normals::SplitNormals;
 use crate::units::{InputUnits, LengthUnit, Units, UpAxis};
 
 /// A mesh of a cache.
@@ -45,6 +46,8 @@ pub struct CacheMesh {
     pub purpose: Option<String>,
     /// Attributes at its points that this program wrote, beside normals; rest positions and thickness in the file's unit.
     pub attributes: PointAttributes,
+    /// Normals of its frames where hard edges split them; of caches of this program alone.
+    pub split_normals: Option<SplitNormals>,
     /// Properties of it that neither its attributes nor its frames hand through, a sentence each.
     pub left_out: Vec<String>,
 }
@@ -72,7 +75,7 @@ pub struct StoredFrame {
     pub positions: Vec<[f32; 3]>,
     /// Velocities, if there are any.
     pub velocities: Option<Vec<[f32; 3]>>,
-    /// Normals at the points, if there are any.
+    /// Normals at the points, or each of [`CacheMesh::split_normals`] once, if there are any.
     pub normals: Option<Vec<[f32; 3]>>,
     /// Number of crossings, if the cache counts them.
     pub crossings: Option<u32>,

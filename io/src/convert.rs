@@ -11,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 
 use crate::atomic_file::{check_name, put};
@@ -21,8 +22,8 @@ use crate::cache_frames::rates;
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, folder_of, of_file, remove_folder};
 use crate::garment_mesh::{GarmentMesh, cut};
-use crate::mesh_data::MeshData;
-use crate::normals;
+use crate::mesh_data::{Connectivity, MeshData};
+use crate::normals::{self, SplitNormals};
 use crate::units::{LengthUnit, Units, UpAxis, unlikely_size};
 
 use samples::Chosen;
@@ -96,8 +97,13 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
     let data = described(&source, mesh, (samples.all[0].0, conversion.triangles))?;
     left_out.extend(without_place(&data, &conversion.to));
-    let kept = GarmentMesh::kept(data);
-    let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
+    let (split, kept) = (SplitFaces::of(&data), GarmentMesh::kept(data));
+    let work = Work {
+        source: &source,
+        mesh,
+        split: split.as_ref(),
+        plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))?,
+    };
     let doubts = doubts(conversion, &source, [(mesh, &samples)].into_iter())?;
     work.write(&conversion.to, open, &samples, wrote)?;
     let frames = [work.plan.first_frame, work.plan.last_frame];
@@ -272,16 +278,32 @@ fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, boo
     // What this program wrote is written anew, in the unit and under the name that it has in the new file.
     data.params.retain(|param| ![PREF, REST].iter().any(|rest| cache.attributes.has(&param.name, rest)));
     data.mesh.points = source.positions(mesh, sample)?;
+    data.split_normals = cache.split_normals.clone();
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
     // turned round and they are not.
     data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
     Ok(if triangles { cut(data) } else { data })
 }
 
+/// Faces of the new cache where hard edges split its normals.
+struct SplitFaces {
+    faces: Connectivity,
+    normals: SplitNormals,
+}
+
+impl SplitFaces {
+    fn of(data: &MeshData) -> Option<Self> {
+        let normals = data.split_normals.clone()?;
+        let PolygonMesh { face_counts, face_indices, .. } = data.mesh.clone();
+        Some(Self { faces: Connectivity { face_counts, face_indices }, normals })
+    }
+}
+
 /// A conversion whose inputs are known.
 struct Work<'a> {
     source: &'a CacheFrames,
     mesh: usize,
+    split: Option<&'a SplitFaces>,
     plan: CachePlan<'a>,
 }
 
@@ -366,13 +388,16 @@ impl Work<'_> {
 
     /// Normals that belong to positions as the new file stores them.
     fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let faces = &self.source.meshes[self.mesh].faces;
-        normals::at_points(&faces.face_counts, &faces.face_indices, positions)
+        let (faces, split) = match self.split {
+            Some(split) => (&split.faces, Some(&split.normals)),
+            None => (&self.source.meshes[self.mesh].faces, None),
+        };
+        normals::of_faces((&faces.face_counts, &faces.face_indices), split, positions)
     }
 
     /// Positions of a frame as the new file stores them, and whether numbers stay what they are.
     fn positions(&self, sample: usize) -> Result<(bool, Vec<[f32; 3]>), IoError> {
-        let Self { source, mesh, plan } = self;
+        let Self { source, mesh, plan, .. } = self;
         let form = (plan.units, plan.file_origin().unwrap_or_default());
         let stored = source.stored_positions(*mesh, sample)?.filter(|stored| (stored.units, stored.origin) == form);
         if let Some(stored) = stored {

@@ -4,6 +4,7 @@ use drapery_alembic::{PodType, Scope};
 use drapery_core::mesh::PolygonMesh;
 
 use crate::mesh_data::{MeshData, MeshParam, Uvs};
+use crate::normals::SplitNormals;
 
 /// A triangle: its face, and which corners of that it has, counted within the face.
 struct Piece {
@@ -25,6 +26,10 @@ pub(crate) fn into_triangles(mut data: MeshData, mut triangles: Vec<[u32; 3]>) -
     if let Some(Uvs { indices, .. }) = &mut data.uvs {
         let of = |corner: usize| indices.get(corner).copied().unwrap_or(0);
         *indices = pieces.iter().flat_map(|piece| at(piece).map(of)).collect();
+    }
+    if let Some(split) = &mut data.split_normals {
+        let of = |corner: usize| split.indices.get(corner).copied().unwrap_or(0);
+        *split = SplitNormals::counted(pieces.iter().flat_map(|piece| at(piece).map(of)).collect());
     }
     let counts = &data.mesh.face_counts;
     data.params = data.params.into_iter().filter_map(|param| of_triangles(param, &pieces, (&starts, counts))).collect();
@@ -134,6 +139,7 @@ mod tests {
     fn corners_faces_and_sets_go_to_the_triangles_that_have_them() {
         let data = MeshData {
             uvs: Some(Uvs { values: vec![[0.0; 2]; 20], indices: (0..11).collect(), ..Uvs::default() }),
+            split_normals: Some(SplitNormals { indices: (0..11).collect(), count: 11 }),
             face_sets: vec![FaceSet { name: "front".into(), faces: vec![1, 2], material: None }],
             params: vec![
                 // Clockwise within each face, each value the point of its corner.
@@ -153,6 +159,9 @@ mod tests {
             let points: Vec<u32> = uvs.iter().map(|uv| mesh().face_indices[*uv as usize]).collect();
             assert_eq!(*corners, points);
         }
+        let split = cut.split_normals.unwrap();
+        let is_of_one_point = SplitNormals::numbered(split.indices.clone(), 11, &cut.mesh.face_indices);
+        assert_eq!((is_of_one_point.as_ref(), split.count), (Some(&split), 11));
         assert_eq!(cut.face_sets[0].faces, [2, 3, 4]);
         let at_corners = &cut.params[0];
         for (corners, indices) in corners.iter().zip(at_corners.indices.as_ref().unwrap().chunks(3)) {

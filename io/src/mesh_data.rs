@@ -11,6 +11,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 
 use crate::error::IoError;
+use crate::normals::SplitNormals;
 use crate::units::StatedUnits;
 
 /// Texture coordinates: a list of values, and for every face corner which value it has.
@@ -75,6 +76,8 @@ pub struct MeshData {
     pub mesh: PolygonMesh,
     /// Texture coordinates, if there are any.
     pub uvs: Option<Uvs>,
+    /// Normals that hard edges split; none where the mesh is smooth, or says nothing of its edges.
+    pub split_normals: Option<SplitNormals>,
     /// Face sets in the order of the file.
     pub face_sets: Vec<FaceSet>,
     /// Other attributes, passed through as they are.
@@ -185,6 +188,16 @@ pub trait MeshReader: Send {
 /// Two meshes as one; attributes other than UVs and face sets belong to single objects and are dropped.
 pub(crate) fn merge(mut a: MeshData, b: MeshData) -> MeshData {
     let (points, faces) = (a.mesh.points.len() as u32, a.mesh.face_counts.len() as u32);
+    if a.split_normals.is_some() || b.split_normals.is_some() {
+        let of = |data: &MeshData| {
+            let smooth = || SplitNormals::at_points(&data.mesh.face_indices, data.mesh.points.len());
+            data.split_normals.clone().unwrap_or_else(smooth)
+        };
+        let (mut all, others) = (of(&a), of(&b));
+        all.indices.extend(others.indices.iter().map(|index| index + all.count as u32));
+        all.count += others.count;
+        a.split_normals = Some(all);
+    }
     a.mesh.points.extend(b.mesh.points);
     a.mesh.face_counts.extend(b.mesh.face_counts);
     a.mesh.face_indices.extend(b.mesh.face_indices.iter().map(|i| i + points));
@@ -208,7 +221,7 @@ pub(crate) fn merge(mut a: MeshData, b: MeshData) -> MeshData {
 }
 
 /// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
-pub(crate) fn reverse(face_counts: &[u32], corners: &mut [u32]) {
+pub(crate) fn reverse<T>(face_counts: &[u32], corners: &mut [T]) {
     let mut rest = corners;
     for count in face_counts {
         let (face, after) = rest.split_at_mut(*count as usize);

@@ -111,8 +111,8 @@ fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counte
         return Some("it cannot be read".to_owned());
     };
     let StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points, .. } = stored;
-    let faces = &cache.meshes[0].faces;
-    let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
+    let (faces, split) = (&cache.meshes[0].faces, cache.meshes[0].split_normals.as_ref());
+    let of_points = || normals::of_faces((&faces.face_counts, &faces.face_indices), split, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
     let differs = |what: &str, from: &str| Some(format!("the {what} do not match the {from}"));
     match () {

@@ -8,8 +8,8 @@ use drapery_core::mesh::{MeshStream, PolygonMesh, sides};
 use drapery_core::scene::{FARTHEST, is_possible};
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
-use drapery_io::mesh_data::Connectivity;
-use drapery_io::normals;
+use drapery_io::mesh_data::{Connectivity, MeshData};
+use drapery_io::normals::{self, SplitNormals};
 use drapery_io::shot_description::RenderMeshDescription;
 use drapery_io::units::{LengthUnit, Units, UpAxis, likely_unit};
 
@@ -25,6 +25,7 @@ pub(crate) struct RenderMesh {
     /// The mesh, for its caches.
     pub(crate) mesh: GarmentMesh,
     faces: Connectivity,
+    split_normals: Option<SplitNormals>,
     binding: SurfaceBinding,
 }
 
@@ -81,7 +82,7 @@ impl RenderMesh {
             IoError::data(&described.file, object, what, "export the render mesh again")
         };
         let cloth = garment.read()?;
-        let mesh = described.mesh.read()?.mesh;
+        let MeshData { mesh, split_normals, .. } = described.mesh.read()?;
         if let Some(point) = mesh.points.iter().position(|point| !is_possible(point)) {
             return Err(broken(format!("the position of point {point} is not finite, or beyond {FARTHEST:e} m")));
         }
@@ -96,7 +97,7 @@ impl RenderMesh {
         let binding = if described.rigid.is_empty() { own } else { bind(&described.rigid)? };
         let faces = Connectivity { face_counts: mesh.face_counts, face_indices: mesh.face_indices };
         let RenderMeshDescription { garment, name, mesh, .. } = described;
-        Ok((Self { garment, name, mesh, faces, binding }, judged))
+        Ok((Self { garment, name, mesh, faces, split_normals, binding }, judged))
     }
 
     /// The mesh where the garment's points are at `x` [m] with the velocities `v` [m/s], which are left out where none are stored;
@@ -123,12 +124,14 @@ impl RenderMesh {
 
     /// Returns the size of a sample in a cache: positions, normals, and velocities where they are stored [bytes].
     pub(crate) fn bytes_per_sample(&self, velocities: bool) -> usize {
-        self.mesh.point_count() * size_of::<[f32; 3]>() * (2 + usize::from(velocities))
+        let normals = self.split_normals.as_ref().map_or(self.mesh.point_count(), |split| split.count);
+        (self.mesh.point_count() * (1 + usize::from(velocities)) + normals) * size_of::<[f32; 3]>()
     }
 
     /// Normals that belong to positions as they are stored.
     fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        normals::at_points(&self.faces.face_counts, &self.faces.face_indices, positions)
+        let faces = (&self.faces.face_counts[..], &self.faces.face_indices[..]);
+        normals::of_faces(faces, self.split_normals.as_ref(), positions)
     }
 }
 

@@ -224,7 +224,7 @@ def curves():
     bpy.ops.object.drapery_pin_add()
     pin = own.pins[0]
     pin.group, pin.hold, pin.released, pin.release = "one", "FIXED", True, 5
-    whole.also_h5 = True
+    whole.also_h5, whole.attributes = True, {"strain", "normals"}
     save()
     answer = {"planned": press("plan"), "lines": view().lines, "scene": (FOLDER / "drapery" / "scene.toml").read_text()}
     # Nothing else can be keyed.

@@ -143,6 +143,31 @@ def test_frames_are_copied_once_and_again_where_a_run_replaces_them(parts, tmp_p
         parts.ogawa.Archive(scene)
 
 
+@pytest.mark.parametrize("last", ["1002", "1004"])
+def test_of_samples_between_frames_the_whole_frames_are_shown(parts, tmp_path, last):
+    scene = tmp_path / "scene.toml"
+    text = (ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml").read_text()
+    scene.write_text(text + "\n[output]\nsamples = 3\nshutter = [-0.25, 0.25]\n")
+
+    def recorded(frames):
+        subprocess.run([program("DRAPERY", "drapery"), "run", scene, "--set", "resolution=4", "--out", tmp_path / "out", "--frames", frames,
+                        "--resume-with-changes"], check=True, capture_output=True)  # fmt: skip
+        (path,) = (tmp_path / "out").glob("*.abc")
+        return path, official(path)
+
+    path, known = recorded(f"1001-{last}")
+    recording = parts.recording.Recording(path, None, tmp_path / "live.pc2")
+    assert recording.update(24.0, 1) == 1001 and recording.last == int(last)
+    path, known = recorded("1001-1006")
+    assert len(known["positions"]) == 1 + 3 * 5 and recording.update(24.0, 1) == int(last) + 1 and recording.last == 1006
+    frames = np.fromfile(recording.target, np.float32, offset=32).reshape(6, -1, 3)
+    np.testing.assert_array_equal(frames, known["positions"][::3])
+    # Colours are those of the frame that is shown.
+    with parts.ogawa.Archive(path) as archive:
+        mesh = archive.mesh()
+        assert mesh.frames == 6 and np.array_equal(np.frombuffer(mesh.frame(4), np.float32).reshape(-1, 3), known["positions"][12])
+
+
 # ---- Previews.
 
 
@@ -264,7 +289,7 @@ def test_keyframes_become_numbers_over_time(curves):
     # Keys of one value, and curves that are muted, are plain numbers.
     assert scene["body"][0]["friction"] == 0.5 and scene["ether_drag"] == {"rate": 2} and scene["wind"]["velocity"] == [1, 3, -2]
     assert cloth["stretch"] == {"damping_ratio": 0.5} and cloth["pressure"] == {"overpressure": "2 Pa", "open": True}
-    assert cloth["pin"][0]["until"] == "0.166666667 s" and scene["output"]["format"] == ["abc", "h5"]
+    assert cloth["pin"][0]["until"] == "0.166666667 s" and scene["output"] == {"format": ["abc", "h5"], "attributes": ["normals", "strain"]}
 
 
 def test_the_panel_names_what_is_keyframed_and_nothing_else_can_be(curves):

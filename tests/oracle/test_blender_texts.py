@@ -51,7 +51,7 @@ def scene_in(folder, parts, **changes):
     for name, numbers in (("pins", "1 0 0 0"), ("heavy", "1 2 2 1"), ("springs", "0 1 1 0")):
         (folder / f"{name}.txt").write_text(numbers.replace(" ", "\n") + "\n")
     shot = text.Shot(**{"name": "a shot", "first": 1001, "last": 1003, "rate": Fraction(24000, 1001), "settle": 2, "blend": 1,
-                        "preset": "hero", "wind": (1.5, 0.0, -2.0)} | changes)  # fmt: skip
+                        "preset": "hero", "wind": (1.5, 0.0, -2.0), "attributes": ("rest", "contact")} | changes)  # fmt: skip
     floor = text.Body("floor", "floor.obj", "floor.obj@1", 2.5, 0.4)
     pins = [text.Pin("pins.txt"), text.Pin("springs.txt", "floor", 123.0)]
     maps = [text.Map("density", "heavy.txt"), text.Map("pins", "springs.txt")]
@@ -78,6 +78,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert [garment["name"] for garment in plan["garments"]] == ["cape", "coat"]
     resolved = tomllib.loads(plan["resolved"])
     assert resolved["solver"]["preset"] == "hero" and resolved["shot"]["preroll"] == {"settle": 2, "blend": 1}
+    assert resolved["output"]["attributes"] == ["rest", "contact"]
     assert resolved["body"][0]["thickness"] == "2.5 mm" and resolved["body"][0]["friction"] == 0.4
     assert resolved["wind"] == {"velocity": [1.5, 0.0, -2.0], "density": "0.77 kg/m³", "tangential": "0.02 N s/m³"}
     cape, coat = resolved["garment"]

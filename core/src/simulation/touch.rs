@@ -18,6 +18,8 @@ impl Simulation {
         if let Some(cloth) = &self.contacts.cloth {
             cloth.raise_contact(x, bodies, &mut contact);
         }
-        (0..scene.meshes().len()).map(|garment| scene.gather_numbers(garment, &contact)).collect()
+        // All of them first: a rank that has nothing to give on must not leave out the garments that follow.
+        let all: Vec<_> = (0..scene.meshes().len()).map(|garment| scene.gather_numbers(garment, &contact)).collect();
+        all.into_iter().collect()
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use drapery_core::mesh::MeshStream;
 
 use super::samples::{self, Chosen};
-use super::{Conversion, Converted, Work, aside, chosen, described, doubts, opened, plan, rate};
+use super::{Conversion, Converted, SplitFaces, Work, aside, chosen, described, doubts, opened, plan, rate};
 use crate::atomic_file::put;
 use crate::cache::CachePlan;
 use crate::cache_frames::CacheFrames;
@@ -31,6 +31,7 @@ struct Part<'a> {
     mesh: usize,
     garment: &'a str,
     samples: Chosen,
+    split: Option<SplitFaces>,
     kept: GarmentMesh,
 }
 
@@ -52,8 +53,9 @@ pub(super) fn convert(
         let (samples, lacking) = shown(source, mesh, conversion)?;
         left_out.extend(lacking);
         left_out.extend(source.meshes[mesh].left_out.iter().cloned());
-        let kept = GarmentMesh::kept(described(source, mesh, (samples.all[0].0, conversion.triangles))?);
-        parts.push(Part { source, mesh, garment, samples, kept });
+        let data = described(source, mesh, (samples.all[0].0, conversion.triangles))?;
+        let (split, kept) = (SplitFaces::of(&data), GarmentMesh::kept(data));
+        parts.push(Part { source, mesh, garment, samples, split, kept });
     }
     if conversion.object.is_none() {
         left_out.extend(source.hidden.iter().cloned());
@@ -79,8 +81,9 @@ pub fn write_shot(to: &Path, shot: &ShotFiles<'_>) -> Result<(), IoError> {
     let mut parts = Vec::new();
     for (source, cache) in sources.iter().zip(&shot.caches) {
         let (samples, _) = samples::chosen(source, 0, Some(shot.frames), to)?;
-        let kept = GarmentMesh::kept(described(source, 0, (samples.all[0].0, false))?);
-        parts.push(Part { source, mesh: 0, garment: cache.name, samples, kept });
+        let data = described(source, 0, (samples.all[0].0, false))?;
+        let (split, kept) = (SplitFaces::of(&data), GarmentMesh::kept(data));
+        parts.push(Part { source, mesh: 0, garment: cache.name, samples, split, kept });
     }
     let works = works(&conversion, single, &parts)?;
     write(single, (to, shot.frames, Some(shot)), &works, &mut |_| {})
@@ -105,9 +108,9 @@ fn works<'a>(
     parts: &'a [Part<'a>],
 ) -> Result<Vec<(Work<'a>, &'a Chosen)>, IoError> {
     let work = |part: &'a Part<'a>| {
-        let Part { source, mesh, garment, samples, kept } = part;
+        let Part { source, mesh, garment, samples, split, kept } = part;
         let plan = plan(conversion, (source, *mesh), samples, (garment, kept))?;
-        Ok((Work { source, mesh: *mesh, plan }, samples))
+        Ok((Work { source, mesh: *mesh, split: split.as_ref(), plan }, samples))
     };
     let works = parts.iter().map(work).collect::<Result<Vec<_>, IoError>>()?;
     let bytes_of = |(work, samples): &(Work<'_>, &Chosen)| {

@@ -13,7 +13,7 @@ use openusd::sdf::{self, AbstractData, Value};
 use openusd::{usda, usdc};
 
 use crate::read::promises;
-use crate::write::{CacheLayer, primvar_of};
+use crate::write::{CacheLayer, NORMAL_INDICES, primvar_of};
 
 /// Largest layer of text that is taken for one of ours [bytes]: far more than a million frames need.
 const LARGEST_LAYER: u64 = 1 << 30;
@@ -82,6 +82,8 @@ pub struct Still {
     pub face_indices: Vec<u32>,
     /// The triangles that were simulated, if they are not just the faces.
     pub triangles: Option<Vec<[i32; 3]>>,
+    /// Number of the normal of each corner, where hard edges split them.
+    pub normal_indices: Option<Vec<u32>>,
     /// Words for the attributes at the points that are this program's.
     pub attributes: Option<String>,
     /// Primvars of vectors at the points that do not move.
@@ -97,7 +99,7 @@ pub struct Frame {
     pub points: Vec<[f32; 3]>,
     /// Velocities per second.
     pub velocities: Option<Vec<[f32; 3]>>,
-    /// Normals at the points.
+    /// Normals at the points, or at the corners where hard edges split them.
     pub normals: Option<Vec<[f32; 3]>>,
     /// Smallest and largest coordinates, as they are stored.
     pub extent: Vec<[f32; 3]>,
@@ -224,8 +226,12 @@ impl Cache {
             return Err(damaged("the number of velocities differs from the number of points".to_owned()));
         }
         let normals = vectors("normals")?;
-        if normals.as_ref().is_some_and(|all| all.len() != points.len()) {
-            return Err(damaged("the number of normals differs from the number of points".to_owned()));
+        let (places, what) = match &self.still.normal_indices {
+            Some(corners) => (corners.len(), "face corners"),
+            None => (points.len(), "points"),
+        };
+        if normals.as_ref().is_some_and(|all| all.len() != places) {
+            return Err(damaged(format!("the number of normals differs from the number of {what}")));
         }
         let crossings = match sample("drapery:crossings")? {
             Some(Value::Uint(count)) => Some(count),
@@ -305,7 +311,8 @@ fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
     if face_counts.iter().map(|count| u64::from(*count)).sum::<u64>() != face_indices.len() as u64 {
         return Err(damaged("its faceVertexCounts and faceVertexIndices do not match".to_owned()));
     }
-    let mut still = Still { face_counts, face_indices, ..Still::default() };
+    let normal_indices = default(&mesh, NORMAL_INDICES.0)?.map(|_| whole(NORMAL_INDICES.0)).transpose()?;
+    let mut still = Still { face_counts, face_indices, normal_indices, ..Still::default() };
     for prim in mesh.ancestors_below_root() {
         if let Some(Value::Vec3d(by)) = default(&prim, "xformOp:translate")? {
             let by = <[f64; 3]>::from(by);

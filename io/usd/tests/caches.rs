@@ -53,6 +53,7 @@ fn still(path: &MeshPath) -> StillMesh<'_> {
         triangles: Some(vec![[0, 1, 2], [0, 2, 3], [1, 4, 2]]),
         velocities: true,
         normals: true,
+        normal_indices: None,
         crossings: true,
         numbers: vec!["strain"],
         attributes: Some("strain".to_owned()),

@@ -26,7 +26,7 @@ from .scene_text import (
     plain_name,
     scene_text,
 )
-from .settings import DEFORMING
+from .settings import ATTRIBUTES, DEFORMING
 
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
 CACHE = "Drapery Cache"
@@ -324,6 +324,7 @@ class Collected:
         if own.self_contact:
             shot.self_friction = self.value(own, "self_friction")
         shot.formats = ("abc", *(["h5"] if own.also_h5 else []), *(["usd"] if own.also_usd else []))
+        shot.attributes = tuple(word for word, *_ in ATTRIBUTES if word in own.attributes)
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
             "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [], "render_meshes": [],

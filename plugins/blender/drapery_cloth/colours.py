@@ -195,9 +195,9 @@ def shown_points(scene, thing, run):
         raise NoColours("it shows no simulation", "turn the Live View on, or press Load")
     with Archive(bpy.path.abspath(cache.cache_file.filepath)) as archive:
         mesh = archive.mesh(cache.object_path)
-        cycle, start = mesh.sampling
+        cycle, (start, *_) = mesh.sampling
         time = scene.frame_current * scene.render.fps_base / scene.render.fps
-        return mesh.positions(round((time - start) / cycle) if mesh.samples > 1 else 0), origin
+        return mesh.frame(round((time - start) / cycle) if mesh.samples > 1 else 0), origin
 
 
 def rest_file(scene, thing, run):

@@ -208,15 +208,21 @@ class Mesh:
 
     @property
     def sampling(self):
-        """Seconds between samples, and time of the first one. Raises `NotReadable` where samples stand at several distances."""
-        cycle, times = self.archive.samplings()[self.properties["P"].sampling]
-        if len(times) != 1 and self.samples > 1:
-            raise NotReadable(f"{self.archive.path} has samples between frames")
-        return cycle, times[0]
+        """Seconds from frame to frame, times of the samples of the first frame: its own, then those before the next one."""
+        return self.archive.samplings()[self.properties["P"].sampling]
+
+    @property
+    def frames(self):
+        """Number of frames, whose first samples are there."""
+        return -(-self.samples // len(self.sampling[1]))
 
     def positions(self, index):
         """Three floats of single precision for each vertex at a sample, below the transforms."""
         return self.archive.sample(self.properties["P"], index)
+
+    def frame(self, index):
+        """The same at a frame, counted from the first one."""
+        return self.positions(index * len(self.sampling[1]))
 
     def faces(self):
         """Numbers of corners of the faces, and the vertices of the corners, as bytes of 32-bit integers."""

@@ -276,6 +276,7 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         row = layout.row(heading="Also As", align=True)
         row.prop(own, "also_h5", toggle=True)
         row.prop(own, "also_usd", toggle=True)
+        layout.column(heading="Attributes").prop(own, "attributes")
         layout.prop(own, "threads")
 
 

@@ -19,7 +19,8 @@ BUDGET = 64 << 20
 class Recording:
     """The frames of one mesh, from an Alembic cache into a PC2 file.
 
-    `frames` of them are there, from the frame `first` on. `positions` are those of the cache, Y up, in metres.
+    `frames` of them are there, from the frame `first` on; positions are those of the cache, Y up, in metres. A PC2 file has its samples at
+    equal distances, and those between frames are where the shutter opens and closes: they are passed over.
     """
 
     def __init__(self, source, path, target):
@@ -44,27 +45,27 @@ class Recording:
             return None
         with Archive(self.source) as archive:
             mesh = archive.mesh(self.path)
-            cycle, start = mesh.sampling
+            cycle, (start, *_) = mesh.sampling
             if mesh.samples > 1 and abs(cycle * rate - 1.0) > 1e-3:
-                raise NotReadable(f"{self.source} has samples between frames")
+                raise NotReadable(f"{self.source} has no sample at each of its frames")
             begin = self.frames if self.goes_on(mesh, stamp) else 0
             self.frames, self.first = begin, round(start * rate)
-            if begin < mesh.samples:
+            if begin < mesh.frames:
                 self.copy(mesh, begin)
-            self.seen = stamp if self.frames == mesh.samples else (*stamp[:2], None, attempt)
+            self.seen = stamp if self.frames == mesh.frames else (*stamp[:2], None, attempt)
         return self.first + begin if self.frames > begin else None
 
     def goes_on(self, mesh, stamp):
         """Whether the frames that were copied are still those of the source."""
-        same = self.seen is not None and self.seen[3] == stamp[3] and self.target.exists() and 0 < self.frames <= mesh.samples
-        return same and mesh.positions(self.frames - 1) == self.newest
+        same = self.seen is not None and self.seen[3] == stamp[3] and self.target.exists() and 0 < self.frames <= mesh.frames
+        return same and mesh.frame(self.frames - 1) == self.newest
 
     def copy(self, mesh, begin):
         self.target.parent.mkdir(parents=True, exist_ok=True)
         left = BUDGET
         with open(self.target, "r+b" if begin else "wb") as file:
-            for index in range(begin, mesh.samples):
-                self.newest = mesh.positions(index)
+            for index in range(begin, mesh.frames):
+                self.newest = mesh.frame(index)
                 self.points = len(self.newest) // 12
                 file.seek(HEADER.size + index * len(self.newest))
                 file.write(self.newest)

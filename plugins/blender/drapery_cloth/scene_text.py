@@ -164,6 +164,7 @@ class Shot:
     air_drag: object = None
     self_friction: object = 0.4
     formats: tuple = ("abc",)
+    attributes: tuple = ()
 
 
 def plain_name(name):
@@ -223,7 +224,10 @@ def scene_text(shot, bodies, garments, seams=(), contacts=(), belts=()):
     if shot.settle or shot.blend:
         lines += ["[shot.preroll]", f"settle = {shot.settle}", f"blend = {shot.blend}", ""]
     lines += ["[units]", 'length = "m"', 'up = "Y"', "", "[solver]", f"preset = {quoted(shot.preset)}", ""]
-    lines += ["[output]", f"format = [{', '.join(map(quoted, shot.formats))}]", "", *effect_lines(shot)]
+    lines += ["[output]", f"format = [{', '.join(map(quoted, shot.formats))}]"]
+    if shot.attributes:
+        lines.append(f"attributes = [{', '.join(map(quoted, shot.attributes))}]")
+    lines += ["", *effect_lines(shot)]
     for body in bodies:
         lines += body_lines(body)
     for belt in belts:

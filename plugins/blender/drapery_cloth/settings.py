@@ -50,6 +50,13 @@ OVER_TIME = {
     "DraperyScene": ("gravity_acceleration", "wind_velocity", "self_friction", "air_drag_rate"),
 }
 
+# Attributes at the points of caches, by their words in the scene file.
+ATTRIBUTES = [("normals", "Normals", "Smooth normals; render meshes always have them"),
+              ("rest", "Rest", "Positions at rest, on which solid textures stay fixed"),
+              ("strain", "Strain", "Greatest strain of the edges at a vertex: length over rest length, less one"),
+              ("contact", "Contact", "1 where cloth touches a body or other cloth, 0 from twice the thickness on"),
+              ("thickness", "Thickness", "Thickness of the fabric in metres")]
+
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
@@ -308,6 +315,9 @@ class DraperyScene(bpy.types.PropertyGroup):
                                  description="Share of the velocity that is lost in a second; 0.5 calms, 5 is like water; may be keyframed")
     also_h5: BoolProperty(name="HDF5", description="Write caches as HDF5, too")
     also_usd: BoolProperty(name="USD", description="Write caches as USD, too, where the solver was built with it")
+    attributes: EnumProperty(name="Attributes", items=ATTRIBUTES, options={"ENUM_FLAG"}, default=set(),
+                             description="At the vertices of the caches, for shading and checks; Blender shows those of USD caches "
+                             "that it imports")
     live: BoolProperty(name="Live View", update=live_changed, options=set(), description="Garments show the frames of the simulation as "
                        "soon as they are written, also those that a farm writes to the folder under From")
     live_newest: BoolProperty(name="Follow Newest Frame", update=live_changed, options=set(), description="The playhead goes to each frame that is new")

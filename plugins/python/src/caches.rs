@@ -16,6 +16,7 @@ use drapery_io::units::{LengthUnit, Units, UpAxis};
 use drapery_shot::fault::{Fault, FaultKind};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::arrays::{self, Faces};
 use crate::errors::{in_use, raised, usage};
@@ -126,6 +127,34 @@ impl Cache {
         cache.velocities(mesh, sample).map_err(raised)?.map(|values| arrays::vectors(py, values)).transpose()
     }
 
+    /// Attributes at a frame by their names, in metres with Y up.
+    fn attributes<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyDict>> {
+        let cache = self.opened()?;
+        let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
+        let (held, units) = (&cache.meshes[mesh], cache.input_units);
+        let stored = cache.samples.frame(mesh, sample).map_err(raised)?;
+        let all = PyDict::new(py);
+        // Where parents turn a mesh of another program, its normals are not those of the world.
+        let shifted = cache.samples.shifted(mesh, sample).map_err(raised)?;
+        if let (Some(normals), Some(_)) = (stored.normals, &shifted) {
+            let normals = held.split_normals.as_ref().map_or(normals, |split| split.at_corners(&normals));
+            let turned = |v: [f32; 3]| units.to_si(Vec3::from(v.map(f64::from))) / units.metres;
+            all.set_item("normals", arrays::vectors(py, normals.into_iter().map(turned).collect())?)?;
+        }
+        if let (Some(rest), Some((origin, _))) = (&held.attributes.rest, &shifted) {
+            let placed = |v: &[f32; 3]| units.to_si(Vec3::from(v.map(f64::from)) + Vec3::from(*origin));
+            all.set_item("rest", arrays::vectors(py, rest.iter().map(placed).collect())?)?;
+        }
+        if let Some(thickness) = &held.attributes.thickness {
+            let metres = thickness.iter().map(|h| f64::from(*h) * units.metres).collect();
+            all.set_item("thickness", PyArray1::<f64>::from_vec(py, metres))?;
+        }
+        for (name, numbers) in stored.values.named() {
+            all.set_item(name, PyArray1::<f64>::from_iter(py, numbers.iter().copied().map(f64::from)))?;
+        }
+        Ok(all)
+    }
+
     fn faces<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Faces<'py>> {
         Ok(arrays::faces(py, self.opened()?.meshes[mesh].faces.clone()))
     }
@@ -204,8 +233,10 @@ impl CacheWriter {
     #[new]
     fn new(path: PathBuf, plan: Plan<'_>) -> PyResult<Self> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-        let Some(create) = formats::by_extension(&extension).and_then(|format| format.create) else {
-            let written = formats::FORMATS.iter().filter(|format| format.create.is_some());
+        // Others are valid only when all frames are there.
+        let grows = |format: &&formats::Format| format.resume.is_some();
+        let Some(create) = formats::by_extension(&extension).filter(grows).and_then(|format| format.create) else {
+            let written = formats::FORMATS.iter().filter(grows);
             let known: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
             return Err(raised(IoError::Format {
                 path,

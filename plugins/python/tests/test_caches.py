@@ -54,6 +54,36 @@ def test_what_a_run_writes_is_what_a_simulation_has(tmp_path: Path, extension: s
 
 
 @pytest.mark.parametrize("extension", FORMATS)
+@pytest.mark.parametrize("units", ["", '[units]\nlength = "cm"\nup = "Z"\n'])
+def test_attributes_are_those_of_the_positions(tmp_path: Path, extension: str, units: str) -> None:
+    # Two quads of 1 x 1 at a right angle; the edge between them is hard by its normals.
+    (tmp_path / "angle.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 1 -1\nv 0 1 -1\nvn 0 0 1\nvn 0 1 0\nf 1//1 2//1 3//1 4//1\nf 4//2 3//2 5//2 6//2\n"
+    )
+    words = ["normals", "rest", "strain", "contact", "thickness"]
+    made = drapery.Scene.parse(
+        f'drapery = 1\n[shot]\nframes = "1-3"\n{units}[gravity]\n[output]\nformat = ["{extension}"]\n'
+        f'attributes = {words}\n[[garment]]\nname = "angle"\nrest = "angle.obj"\nunits = {{ length = "m", up = "Y" }}\n'
+        'material = "cotton_shirting"\nthickness = "2 mm"\n[[garment.pin]]\nvertices = [0]\n',
+        folder=tmp_path,
+    )
+    made.shot().run(tmp_path / "out")
+    mesh = drapery.open_cache(tmp_path / "out" / f"angle.{extension}").mesh
+    found = mesh.attributes(3)
+    assert set(found) == set(words) and found["thickness"].shape == (6,) and np.allclose(found["thickness"], 0.002, rtol=1e-6)
+    rest = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 1, -1], [0, 1, -1]], float)
+    assert np.allclose(found["rest"], rest, rtol=0, atol=1e-7) and (found["contact"] == 0).all()
+    place, expected = mesh[3], []
+    for face in mesh.faces.corners.reshape(-1, 4):
+        normal = np.cross(place[face[2]] - place[face[0]], place[face[3]] - place[face[1]])
+        expected += 4 * [normal / np.linalg.norm(normal)]
+    assert np.allclose(found["normals"], expected, rtol=0, atol=1e-5)
+    assert abs(found["strain"]).max() > 1e-9 and set(drapery.open_cache(tmp_path / "out" / f"angle.{extension}").mesh.attributes(1)) == set(words)
+    with pytest.raises(drapery.UsageError, match="frames 1 to 3"):
+        mesh.attributes(4)
+
+
+@pytest.mark.parametrize("extension", FORMATS)
 @pytest.mark.parametrize("length, up", [("m", "Y"), ("cm", "Z")])
 def test_a_cache_that_is_written_is_read_back(tmp_path: Path, extension: str, length: str, up: str) -> None:
     path = tmp_path / f"hero.{extension}"

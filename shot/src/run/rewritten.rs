@@ -11,7 +11,6 @@ use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::{Between, CacheFrames};
 use drapery_io::error::IoError;
 use drapery_io::formats::{CreateCache, ResumeCache, holds_whole_frames};
-use drapery_io::normals;
 
 use crate::frame_digest::GarmentDigests;
 use crate::quality::CROSSINGS_WRITTEN;
@@ -72,7 +71,7 @@ impl NewForm<'_> {
         let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
         let samples_of = |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
         let samples = (self.plan.first_frame..=last.0).flat_map(|frame| samples_of(frame).map(move |k| (frame, k)));
-        let strain = self.strain()?;
+        let from_positions = self.from_positions()?;
         for (frame, sub_frame) in samples {
             let sample = self.sample(&frames, (frame, sub_frame)).map_err(lacks)?;
             let positions = self.positions(&frames, sample)?;
@@ -87,16 +86,15 @@ impl NewForm<'_> {
             let crossings = self.plan.crossings.then(|| counted.unwrap_or(0));
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
-            let faces = &frames.meshes[0].faces;
-            let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
-            let normals = if self.plan.normals { of_points() } else { Vec::new() };
+            let normals = from_positions.normals(positions);
             let asked = [self.plan.attributes.strain, self.plan.attributes.contact];
             let stored = match asked {
                 [false, false] => StoredValues::default(),
                 _ => frames.samples.frame(0, sample)?.values,
             };
-            let of_points = strain.has_strain().then(|| strain.strain(positions, self.plan.units.length.metres()));
-            let values = StoredValues { strain: of_points.or(stored.strain), contact: stored.contact };
+            let metres = self.plan.units.length.metres();
+            let strain = from_positions.has_strain().then(|| from_positions.strain(positions, metres));
+            let values = StoredValues { strain: strain.or(stored.strain), contact: stored.contact };
             for (_, name) in asked.into_iter().zip(["strain", "contact"]).filter(|(is_asked, _)| *is_asked) {
                 if !values.named().any(|(held, _)| held == name) {
                     return Err(lacks(format!("it holds no {name}")));
@@ -112,10 +110,11 @@ impl NewForm<'_> {
         Ok(())
     }
 
-    /// Strain from the positions of a garment; a render mesh has that of its garment, which only an earlier cache holds.
-    fn strain(&self) -> Result<FromPositions, IoError> {
+    /// Normals, and strain from the positions of a garment; a render mesh has the strain of its garment, which only an earlier cache
+    /// holds.
+    fn from_positions(&self) -> Result<FromPositions, IoError> {
         let is_asked = self.plan.attributes.strain && self.plan.mesh.read()?.render_mesh_of.is_none();
-        FromPositions::new(self.plan.mesh, false, is_asked)
+        FromPositions::new(self.plan.mesh, self.plan.normals, is_asked)
     }
 
     /// The number in a cache of the sample that lies so many samples behind a frame, or what it lacks.

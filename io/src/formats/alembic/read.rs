@@ -1,5 +1,6 @@
 //! Alembic meshes: polygon meshes and subdivision surfaces, with the transforms of all parents applied at the time
-//! asked for. Objects are chosen by a pattern over their full paths; several are merged in the order of their paths.
+//! asked for. Where the normals of face corners or faces differ at a point, edges are hard. Objects are chosen by a pattern over
+//! their full paths; several are merged in the order of their paths.
 //!
 //! Alembic faces are clockwise seen from outside, so they are reversed on reading; under a mirrored parent they already
 //! are counter-clockwise in the world. Shears and scales need no care: points go through the full matrix.
@@ -8,7 +9,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    Archive, Faces, GeomParam, Matrix, PodType, PolyMesh, Schema, Scope, TopologyVariance, Xform, transform_point,
+    Archive, DataType, Faces, GeomParam, Matrix, PodType, PolyMesh, Schema, Scope, TopologyVariance, Xform,
+    transform_point,
 };
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
@@ -18,6 +20,7 @@ use crate::error::IoError;
 use crate::formats::fitting;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs, merge, reverse};
+use crate::normals::SplitNormals;
 
 /// Points or faces that are read at a time.
 const PIECE: usize = 8192;
@@ -274,6 +277,7 @@ pub(super) fn merge_times(times: &mut Vec<f64>) {
 fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
     let faces = mesh.faces(sample)?;
+    let point_count = mesh.vertex_count(sample)?;
     let mirrored = is_mirrored(mesh, time)?;
     let turn = |mut corners: Vec<u32>| {
         if !mirrored {
@@ -283,6 +287,8 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     };
     let uvs = mesh.uv().map(|uv| read_uvs(&uv, sample, &faces.face_indices)).transpose()?.flatten();
     let uvs = uvs.map(|uvs| Uvs { indices: turn(uvs.indices), ..uvs });
+    let split = split_normals(mesh, sample, &faces, point_count)?;
+    let split_normals = split.map(|split| SplitNormals { indices: turn(split.indices), ..split });
     let mut params = Vec::new();
     for attribute in mesh.attributes() {
         let corners = mirrored.then_some(faces.face_counts.as_slice());
@@ -293,7 +299,6 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
         faces: set.faces.into_iter().filter_map(|face| u32::try_from(face).ok()).collect(),
         material: None,
     };
-    let point_count = mesh.vertex_count(sample)?;
     Ok(MeshData {
         render_mesh_of: render_mesh_of(mesh),
         object_path: mesh.object().path().to_owned(),
@@ -303,6 +308,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
             face_counts: faces.face_counts,
         },
         uvs,
+        split_normals,
         face_sets: mesh.face_sets()?.into_iter().map(face_set).collect(),
         params,
         subdivision: (mesh.object().schema() == Schema::SubD).then(|| "catmullClark".to_owned()),
@@ -314,6 +320,42 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
 pub fn render_mesh_of(mesh: &PolyMesh) -> Option<String> {
     let names = mesh.user_properties()?.samples(RENDER_MESH_OF)?;
     names.strings(0).ok()?.into_iter().next()
+}
+
+/// Whether this program wrote a mesh.
+pub(super) fn is_ours(mesh: &PolyMesh) -> bool {
+    let written_by =
+        mesh.user_properties().and_then(|properties| properties.samples("application")?.strings(0).ok()?.pop());
+    written_by.is_some_and(|application| application.starts_with("Drapery "))
+}
+
+/// Normals that hard edges split, the corners in the file's order; none where the normals do not fit the mesh.
+///
+/// Normals of this program follow the frames, and those of a hard edge that is flat in a frame are equal: which are two says their
+/// numbering.
+pub(super) fn split_normals(
+    mesh: &PolyMesh,
+    sample: usize,
+    faces: &Faces,
+    points: usize,
+) -> Result<Option<SplitNormals>, IoError> {
+    let is_vector = |normals: &GeomParam| normals.data_type() == DataType::new(PodType::F32, 3);
+    let of_faces = |normals: &GeomParam| matches!(normals.scope(), Scope::FaceVarying | Scope::Uniform);
+    let Some(normals) = mesh.normals().filter(is_vector).filter(of_faces) else { return Ok(None) };
+    if let Some(indices) = normals.indices(sample)?.filter(|_| is_ours(mesh)) {
+        let count = normals.elements::<f32, 3>(sample)?.len();
+        return Ok(SplitNormals::numbered(indices, count, &faces.face_indices));
+    }
+    let stored = normals.expanded::<f32, 3>(sample)?;
+    let directions: Vec<[f32; 3]> = match normals.scope() {
+        Scope::Uniform => {
+            let each = faces.face_counts.iter().zip(&stored);
+            each.flat_map(|(count, normal)| std::iter::repeat_n(*normal, *count as usize)).collect()
+        }
+        _ => stored,
+    };
+    let fits = directions.len() == faces.face_indices.len();
+    Ok(SplitNormals::of_directions(&faces.face_indices, points, &directions).filter(|_| fits))
 }
 
 /// UVs as one index a face corner, in the file's order of corners; none when they do not fit the mesh.

@@ -9,7 +9,7 @@ use drapery_alembic::{
 use drapery_core::Vec3;
 use globset::escape;
 
-use super::read::{AlembicMesh, SAME_TIME, blend, changed, merge_times, transform_times};
+use super::read::{AlembicMesh, SAME_TIME, blend, changed, is_ours, merge_times, split_normals, transform_times};
 use super::write::{CROSSINGS, TRIANGLES, bounds_of, shifted};
 use crate::attributes::{LISTED, PREF, PointAttributes, StoredValues, THICKNESS};
 use crate::cache_frames::rates::film_rate;
@@ -20,6 +20,7 @@ use crate::cache_frames::{
 use crate::error::IoError;
 use crate::formats::Opening;
 use crate::mesh_data::{Connectivity, MeshData, MeshReader, reverse};
+use crate::normals::SplitNormals;
 use crate::units::LengthUnit;
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
@@ -135,13 +136,13 @@ impl CacheSamples for ArchiveSamples {
 fn left_out(mesh: &PolyMesh, ours: &PointAttributes) -> Vec<String> {
     let name = mesh.object().path();
     let mut sentences = Vec::new();
-    if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
+    if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex && !is_ours(mesh)) {
         let of = match normals.scope() {
             Scope::FaceVarying => "of face corners",
             Scope::Uniform => "of faces",
             _ => "of another kind",
         };
-        sentences.push(format!("{name}: normals {of} are left out: a cache has them at points"));
+        sentences.push(format!("{name}: normals {of} are left out: those of one frame say nothing of the others"));
     }
     let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
     let others = mesh.attributes().into_iter().filter(|param| !ours.has(param.name(), PREF));
@@ -186,10 +187,22 @@ impl ArchiveMesh {
             let faces = counter_clockwise(&found.mesh, first.around.0)?;
             let points = found.world(archive, 0)?;
             described.points = points.len();
+            described.split_normals = found.split_normals(first.around.0, points.len())?;
             described.triangles = triangles_of(&found.mesh, &points).unwrap_or_default();
             described.faces = faces;
         }
         Ok((found, described))
+    }
+
+    /// Normals of this program that hard edges split, corners as the rest of the program has them.
+    fn split_normals(&self, sample: usize, points: usize) -> Result<Option<SplitNormals>, IoError> {
+        if !is_ours(&self.mesh) {
+            return Ok(None);
+        }
+        let faces = self.mesh.faces(sample)?;
+        let mut split = split_normals(&self.mesh, sample, &faces, points)?;
+        split.iter_mut().for_each(|split| reverse(&faces.face_counts, &mut split.indices));
+        Ok(split)
     }
 
     /// From its own space to the world.
@@ -325,7 +338,7 @@ fn stored(
     Ok(StoredFrame {
         has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
         velocities: mesh.velocities(sample)?,
-        normals: normals_at_points(mesh, sample, positions.len())?,
+        normals: normals_of(mesh, sample, positions.len())?,
         crossings: crossings.and_then(|values| values.first().copied()),
         values: StoredValues::read(attributes, |name| {
             Ok::<_, IoError>(
@@ -336,15 +349,18 @@ fn stored(
     })
 }
 
-/// Normals, where the archive has one of single precision for each point as the caches of this program do.
-fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+/// Normals, where the archive has them of single precision as the caches of this program do: one for each point, or each of those
+/// that hard edges split.
+fn normals_of(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
     let kind = DataType::new(PodType::F32, 3);
-    let is_ours =
-        |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind;
-    let Some(normals) = mesh.normals().filter(is_ours).filter(|normals| sample < normals.sample_count()) else {
+    let is_split = |normals: &GeomParam| normals.scope() == Scope::FaceVarying && normals.is_indexed() && is_ours(mesh);
+    let at_points = |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed();
+    let fits = |normals: &GeomParam| normals.data_type() == kind && sample < normals.sample_count();
+    let Some(normals) = mesh.normals().filter(|found| fits(found) && (at_points(found) || is_split(found))) else {
         return Ok(None);
     };
-    Ok(Some(normals.samples().elements::<f32, 3>(sample)?).filter(|all| all.len() == points))
+    let all = normals.samples().elements::<f32, 3>(sample)?;
+    Ok(Some(all).filter(|all| is_split(&normals) || all.len() == points))
 }
 
 /// Samples by their frames.

@@ -4,8 +4,8 @@
 //! identity, points being in world space in the file's unit, but for the mesh's own where positions are counted from an origin
 //! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps;
 //! cyclic, a cycle a frame, where there are samples between frames.
-//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second, normals of render meshes and
-//! bounds with every frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
+//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second, normals and bounds with every
+//! frame. Normals that hard edges split are indexed and of face corners (`fvr`). Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
 //! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
 //! archive whenever a reader looks.
 //!
@@ -29,6 +29,7 @@ use crate::error::IoError;
 use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs, reverse};
+use crate::normals::SplitNormals;
 use crate::units::Units;
 use crate::written_file;
 
@@ -64,6 +65,8 @@ pub struct AlembicWriter {
     attributes: PointAttributes,
     /// Read with the first frame.
     mesh: GarmentMesh,
+    /// Normals that hard edges split, their corners clockwise; known with the first frame.
+    split_normals: Option<SplitNormals>,
     stage: Stage,
     mark: CacheMark,
 }
@@ -148,6 +151,7 @@ impl AlembicWriter {
             crossings: plan.crossings,
             attributes: plan.attributes.clone(),
             mesh: plan.mesh.clone(),
+            split_normals: None,
             stage: Stage::Empty,
             mark: CacheMark::none(path),
         })
@@ -181,10 +185,14 @@ impl AlembicWriter {
         Ok(writer)
     }
 
-    /// Everything that does not move.
-    fn still(&self) -> Result<Still, IoError> {
+    /// Everything that does not move; takes note of the hard edges.
+    fn still(&mut self) -> Result<Still, IoError> {
         let mut data = self.mesh.read()?;
         self.attributes.add_to(&mut data, PREF);
+        self.split_normals = data.split_normals.take().filter(|_| self.normals);
+        if let Some(split) = &mut self.split_normals {
+            reverse(&data.mesh.face_counts, &mut split.indices);
+        }
         Ok(Still::of(data))
     }
 
@@ -220,12 +228,13 @@ impl AlembicWriter {
         let mut declared = self.declare_mesh(archive)?;
         // Only what the sample has counts, not where its points are.
         let points = vec![[0.0; 3]; self.mesh.point_count()];
+        let normals = vec![[0.0; 3]; self.split_normals.as_ref().map_or(points.len(), |split| split.count)];
         let frame = CacheFrame {
             frame: self.first_frame,
             sub_frame: 0,
             positions: &points,
             velocities: &points,
-            normals: &points,
+            normals: &normals,
             crossings: None,
             values: PointValues::default(),
         };
@@ -249,7 +258,7 @@ impl AlembicWriter {
     }
 
     /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
-    fn write_first(&self, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
+    fn write_first(&mut self, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
         let still = self.still()?;
         let mut archive = ArchiveWriter::create(unfinished(&self.path), &self.options)?;
         let mut declared = self.declare_mesh(&mut archive)?;
@@ -347,8 +356,12 @@ impl AlembicWriter {
     }
 
     /// Positions, velocities, normals and bounds of a frame.
-    fn sample<'a>(&self, frame: &CacheFrame<'a>) -> PolyMeshSample<'a> {
-        let normals = Indexed { values: frame.normals, indices: None, scope: Scope::Vertex, source_name: None };
+    fn sample<'a>(&'a self, frame: &CacheFrame<'a>) -> PolyMeshSample<'a> {
+        let (indices, scope) = match &self.split_normals {
+            Some(split) => (Some(split.indices.as_slice()), Scope::FaceVarying),
+            None => (None, Scope::Vertex),
+        };
+        let normals = Indexed { values: frame.normals, indices, scope, source_name: None };
         PolyMeshSample {
             velocities: self.velocities.then_some(frame.velocities),
             normals: self.normals.then_some(normals),

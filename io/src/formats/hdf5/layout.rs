@@ -7,6 +7,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
+use super::NORMAL_INDICES;
 use super::datasets::{ORIGIN, dataset, origin, place_of};
 use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::cache::{APPLICATION, CachePlan};
@@ -28,6 +29,8 @@ pub(super) struct Offsets {
     pub(super) positions: u64,
     pub(super) velocities: Option<u64>,
     pub(super) normals: Option<u64>,
+    /// Number of normals of a frame.
+    pub(super) normal_count: usize,
     pub(super) strain: Option<u64>,
     pub(super) contact: Option<u64>,
     pub(super) crossings: Option<u64>,
@@ -87,7 +90,8 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     let committed = growing::<u8>(&file, "committed", &[frames])?;
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
-    let normals = plan.normals.then(|| growing::<f32>(&file, "normals", &[frames, points, 3])).transpose()?;
+    let normal_count = normal_count(plan, data);
+    let normals = plan.normals.then(|| growing::<f32>(&file, "normals", &[frames, normal_count, 3])).transpose()?;
     let numbers = |name, is_there: bool| is_there.then(|| growing::<f32>(&file, name, &[frames, points])).transpose();
     let strain = numbers(STRAIN, plan.attributes.strain)?;
     let contact = numbers(CONTACT, plan.attributes.contact)?;
@@ -95,7 +99,7 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     // What goes wrong while a file is dropped is not heard of.
     file.flush()?;
     file.close()?;
-    Ok(Offsets { positions, velocities, normals, strain, contact, crossings, committed })
+    Ok(Offsets { positions, velocities, normals, normal_count, strain, contact, crossings, committed })
 }
 
 /// The layout of a stored file that was made with this plan, or with this plan and another last frame.
@@ -121,7 +125,11 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     if file.link_exists("uv_values") && data.uvs.is_none() {
         return Ok(Err("the cache was started with different settings: it has UVs".into()));
     }
-    let ours = [(REST, plan.attributes.rest.is_some()), (THICKNESS, plan.attributes.thickness.is_some())];
+    let ours = [
+        (REST, plan.attributes.rest.is_some()),
+        (THICKNESS, plan.attributes.thickness.is_some()),
+        (NORMAL_INDICES, plan.normals && data.split_normals.is_some()),
+    ];
     if let Some((name, _)) = ours.iter().find(|(name, is_there)| !is_there && file.link_exists(name)) {
         return Ok(Err(format!("the cache was started with different settings: it has `{name}`")));
     }
@@ -130,11 +138,11 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
             return Ok(Err(format!("the cache was started with different settings: `{}` differs", fixed.name)));
         }
     }
-    let points = plan.mesh.point_count();
+    let (points, normal_count) = (plan.mesh.point_count(), normal_count(plan, data));
     let places = [
         place::<f32>(&file, "positions", &[frames, points, 3])?,
         place::<f32>(&file, "velocities", &[frames, points, 3])?,
-        place::<f32>(&file, "normals", &[frames, points, 3])?,
+        place::<f32>(&file, "normals", &[frames, normal_count, 3])?,
         place::<f32>(&file, STRAIN, &[frames, points])?,
         place::<f32>(&file, CONTACT, &[frames, points])?,
         place::<u32>(&file, "crossings", &[frames])?,
@@ -145,11 +153,17 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
             if [velocities, normals, strain, contact, crossings].map(|offset| offset.is_some())
                 == [plan.velocities, plan.normals, plan.attributes.strain, plan.attributes.contact, plan.crossings] =>
         {
-            let offsets = Offsets { positions, velocities, normals, strain, contact, crossings, committed };
+            let offsets =
+                Offsets { positions, velocities, normals, normal_count, strain, contact, crossings, committed };
             Ok(Ok(Layout { offsets, frames }))
         }
         _ => Ok(Err("the cache was started with different settings: its datasets differ".into())),
     }
+}
+
+/// Number of normals of a frame: of the points, or those that hard edges split.
+fn normal_count(plan: &CachePlan<'_>, data: &MeshData) -> usize {
+    data.split_normals.as_ref().map_or(plan.mesh.point_count(), |split| split.count)
 }
 
 /// Offset of a dataset of this type and shape, if the file has it.
@@ -231,6 +245,9 @@ fn fixed_datasets<'a>(plan: &'a CachePlan<'_>, data: &'a MeshData, cut: &'a Opti
     if let Some(uvs) = &data.uvs {
         all.push(fixed("uv_values", &[uvs.values.len(), 2], Values::F32(uvs.values.as_flattened())));
         all.push(integers("uv_indices", &uvs.indices));
+    }
+    if let Some(split) = data.split_normals.as_ref().filter(|_| plan.normals) {
+        all.push(integers(NORMAL_INDICES, &split.indices));
     }
     if let Some(rest) = &plan.attributes.rest {
         all.push(fixed(REST, &[rest.len(), 3], Values::F32(rest.as_flattened())));

@@ -15,7 +15,8 @@
 //! |---|---|---|---|
 //! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis, counted from the attribute `origin` if there is one |
 //! | `velocities` | (frames, points, 3) | f32 | per second, only if asked for |
-//! | `normals` | (frames, points, 3) | f32 | of render meshes, else only if asked for |
+//! | `normals` | (frames, points, 3) | f32 | of render meshes, else only if asked for; (frames, normals, 3) where hard edges split them |
+//! | `normal_indices` | (corners) | i32 | which normal each corner has, only where hard edges split them |
 //! | `strain`, `contact` | (frames, points) | f32 | only if asked for |
 //! | `rest`, `thickness` | (points, 3), (points) | f32 | only if asked for; in the file's unit |
 //! | `times` | (frames) | f64 | frame / fps [s] |
@@ -39,6 +40,9 @@ pub use write::Hdf5Writer;
 
 use super::Format;
 use crate::error::IoError;
+
+/// Dataset of the number of each corner's normal.
+const NORMAL_INDICES: &str = "normal_indices";
 
 /// The format.
 pub(super) const FORMAT: Format = Format {

@@ -7,13 +7,14 @@ use drapery_core::mesh::PolygonMesh;
 use hdf5::types::VarLenUnicode;
 
 use super::datasets::{dataset, origin, values};
-use super::not_a_cache;
+use super::{NORMAL_INDICES, not_a_cache};
 use crate::attributes::{CONTACT, PointAttributes, REST, STRAIN, StoredValues, THICKNESS};
 use crate::cache_frames::{CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, placed, units};
 use crate::error::IoError;
 use crate::formats::Opening;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, MeshData, Uvs};
+use crate::normals::SplitNormals;
 
 /// An opened file.
 struct Samples {
@@ -42,14 +43,14 @@ fn opened(path: &Path) -> hdf5::Result<CacheFrames> {
     let triangles = dataset::<2>(&file, "triangles")?.0.read_raw::<u32>()?;
     let (_, [_, points, _]) = dataset::<3>(&file, "positions")?;
     let attributes = attributes(&file, points)?;
+    let faces =
+        Connectivity { face_counts: values(&file, "face_counts")?, face_indices: values(&file, "face_indices")? };
     let mesh = CacheMesh {
         attributes: attributes.clone(),
+        split_normals: split_normals(&file, &faces)?,
         name: text("object_path")?,
         points,
-        faces: Connectivity {
-            face_counts: values(&file, "face_counts")?,
-            face_indices: values(&file, "face_indices")?,
-        },
+        faces,
         triangles: triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
         // Frames are committed in ascending order, so the first mark that is missing ends the file.
         frames: numbers.iter().zip(&committed).take_while(|(_, mark)| **mark == 1).map(|(n, _)| *n).collect(),
@@ -75,6 +76,16 @@ fn attributes(file: &hdf5::File, points: usize) -> hdf5::Result<PointAttributes>
     let held: Vec<&str> =
         [REST, THICKNESS, STRAIN, CONTACT].into_iter().filter(|name| file.link_exists(name)).collect();
     PointAttributes::of_listed(&held.join(" "), rest, thickness)
+}
+
+/// Normals that hard edges split, if there are any.
+fn split_normals(file: &hdf5::File, faces: &Connectivity) -> hdf5::Result<Option<SplitNormals>> {
+    if !file.link_exists(NORMAL_INDICES) {
+        return Ok(None);
+    }
+    let (indices, (_, [_, count, _])) = (values::<u32>(file, NORMAL_INDICES)?, dataset::<3>(file, "normals")?);
+    let split = SplitNormals::numbered(indices, count, &faces.face_indices);
+    split.map(Some).ok_or_else(|| format!("dataset {NORMAL_INDICES} does not fit the faces and normals").into())
 }
 
 impl Samples {
@@ -145,7 +156,8 @@ impl CacheSamples for Samples {
     fn attributes(&self, _: usize, about: &CacheMesh) -> Result<MeshData, IoError> {
         let Connectivity { face_counts, face_indices } = about.faces.clone();
         let polygons = PolygonMesh { points: Vec::new(), face_counts, face_indices };
-        let plain = MeshData { object_path: about.name.clone(), ..MeshData::new(polygons) };
+        let (object_path, split_normals) = (about.name.clone(), about.split_normals.clone());
+        let plain = MeshData { object_path, split_normals, ..MeshData::new(polygons) };
         if !self.file.link_exists("uv_values") {
             return Ok(plain);
         }

@@ -31,7 +31,7 @@ struct Stored {
     frames: usize,
     /// Length of the file [bytes].
     length: u64,
-    /// Bytes of the positions, the velocities or the normals of a frame.
+    /// Bytes of the positions or the velocities of a frame.
     vectors: usize,
 }
 
@@ -103,10 +103,13 @@ impl Hdf5Writer {
         let mut bytes = Vec::with_capacity(3 * self.stored.vectors + size_of::<u32>());
         let velocities = self.stored.offsets.velocities.map(|_| frame.velocities);
         let normals = self.stored.offsets.normals.map(|_| frame.normals);
-        for vectors in [Some(frame.positions), velocities, normals].into_iter().flatten() {
+        let of_normals = self.stored.normals();
+        let all =
+            [(Some(frame.positions), self.stored.vectors), (velocities, self.stored.vectors), (normals, of_normals)];
+        for (vectors, expected) in all.into_iter().filter_map(|(vectors, expected)| Some((vectors?, expected))) {
             let start = bytes.len();
             vectors.as_flattened().iter().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
-            assert_eq!(bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
+            assert_eq!(bytes.len() - start, expected, "a garment keeps its number of points");
         }
         let numbers =
             [(self.stored.offsets.strain, frame.values.strain), (self.stored.offsets.contact, frame.values.contact)];
@@ -142,6 +145,11 @@ impl Stored {
         Ok(Self { file, offsets, frames, length, vectors })
     }
 
+    /// Bytes of the normals of a frame.
+    fn normals(&self) -> usize {
+        self.offsets.normal_count * size_of::<[f32; 3]>()
+    }
+
     /// Places of a frame in the file, without its mark: offset and number of bytes.
     fn places(&self, index: usize) -> impl Iterator<Item = (u64, usize)> + use<> {
         let (offsets, vectors) = (self.offsets, self.vectors);
@@ -149,7 +157,7 @@ impl Stored {
         let all = [
             Some((offsets.positions, vectors)),
             offsets.velocities.map(|offset| (offset, vectors)),
-            offsets.normals.map(|offset| (offset, vectors)),
+            offsets.normals.map(|offset| (offset, self.normals())),
             offsets.strain.map(|offset| (offset, vectors / 3)),
             offsets.contact.map(|offset| (offset, vectors / 3)),
             offsets.crossings.map(|offset| (offset, size_of::<u32>())),

@@ -1,8 +1,10 @@
 //! Wavefront OBJ meshes: points in the order of the file, polygons of any size, texture coordinates with their own
-//! indices. Materials (`usemtl`), or else groups and objects, become face sets. The file has no time and no units.
+//! indices. Materials (`usemtl`), or else groups and objects, become face sets. Edges are hard where the normals (`vn`) of the faces
+//! beside them differ, or in a file without normals their smoothing groups (`s`). The file has no time and no units.
 //!
-//! Lines that describe curves, lines, normals or material libraries are passed over.
+//! Lines that describe curves, lines or material libraries are passed over.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use drapery_core::mesh::PolygonMesh;
 use crate::error::IoError;
 use crate::input_file::{self, LONGEST_LINE, MARK};
 use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
+use crate::normals::SplitNormals;
 
 /// An OBJ file. It is kept in memory once its positions are asked for as a whole, as those of bodies are with every frame.
 #[derive(Debug)]
@@ -23,8 +26,8 @@ pub(super) struct ObjMesh {
     data: OnceLock<MeshData>,
 }
 
-/// Index that stands for "this corner has no texture coordinate".
-const NO_UV: u32 = u32::MAX;
+/// Index that stands for "this corner has no texture coordinate", or no normal.
+const NONE: u32 = u32::MAX;
 
 /// Content that is collected while reading.
 #[derive(Default)]
@@ -32,10 +35,29 @@ struct Parsed {
     points: Vec<Vec3>,
     uv_values: Vec<[f32; 2]>,
     uv_indices: Vec<u32>,
+    normals: Vec<[f32; 3]>,
+    /// Normal of each corner; empty in a file without normals.
+    normal_indices: Vec<u32>,
+    /// Smoothing group of each corner; empty in a file without such groups.
+    smoothing: Vec<Smoothing>,
+    says_smoothing: bool,
+    /// Numbers of the smoothing groups by their names.
+    smoothing_groups: HashMap<String, u32>,
+    /// The group of the next faces; `None` where they are faceted.
+    smoothing_group: Option<u32>,
     face_counts: Vec<u32>,
     face_indices: Vec<u32>,
     materials: SetOfFaces,
     groups: SetOfFaces,
+}
+
+/// Faces that are smooth where they meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Smoothing {
+    /// Those of a smoothing group.
+    Group(u32),
+    /// The face alone: smoothing is off.
+    Face(u32),
 }
 
 /// Faces by the name that was current when they were read.
@@ -158,11 +180,15 @@ impl Place<'_> {
 enum Line<'a> {
     Point(Vec3),
     Uv([f32; 2]),
-    /// Point and texture coordinate of each corner.
+    Normal([f32; 3]),
+    /// Point, texture coordinate and normal of each corner.
     Face {
         points: &'a [u32],
         uvs: &'a [u32],
+        normals: &'a [u32],
     },
+    /// `off`, or the name of a group.
+    Smoothing(&'a str),
     Material(&'a str),
     Group(&'a str),
 }
@@ -212,9 +238,11 @@ fn parse(text: impl BufRead, path: &Path) -> Result<MeshData, IoError> {
 struct Scanner {
     points: usize,
     uvs: usize,
+    normals: usize,
     /// Point of each corner of the face being read.
     face_points: Vec<u32>,
     face_uvs: Vec<u32>,
+    face_normals: Vec<u32>,
 }
 
 impl Scanner {
@@ -239,8 +267,14 @@ impl Scanner {
             }
             Some("f") => {
                 self.take_face(words, place)?;
-                take(Line::Face { points: &self.face_points, uvs: &self.face_uvs });
+                take(Line::Face { points: &self.face_points, uvs: &self.face_uvs, normals: &self.face_normals });
             }
+            Some("vn") => {
+                let normal = numbers::<3>(&mut words, place)?;
+                self.normals += 1;
+                take(Line::Normal(normal.map(|c| c as f32)));
+            }
+            Some("s") => take(Line::Smoothing(words.next().unwrap_or("off"))),
             Some("usemtl") => take(Line::Material(words.next().unwrap_or_default())),
             Some("g" | "o") => take(Line::Group(words.next().unwrap_or("default"))),
             _ => {}
@@ -251,15 +285,18 @@ impl Scanner {
     fn take_face<'a>(&mut self, corners: impl Iterator<Item = &'a str>, place: &Place<'_>) -> Result<(), IoError> {
         self.face_points.clear();
         self.face_uvs.clear();
+        self.face_normals.clear();
         for corner in corners {
             let mut parts = corner.split('/');
             let point = index(parts.next().unwrap_or_default(), self.points, "point", place)?;
-            let uv = match parts.next() {
-                None | Some("") => NO_UV,
-                Some(word) => index(word, self.uvs, "texture coordinate", place)?,
+            let mut other = |count, what| match parts.next() {
+                None | Some("") => Ok(NONE),
+                Some(word) => index(word, count, what, place),
             };
+            let (uv, normal) = (other(self.uvs, "texture coordinate")?, other(self.normals, "normal")?);
             self.face_points.push(point);
             self.face_uvs.push(uv);
+            self.face_normals.push(normal);
         }
         let count = self.face_points.len();
         if count < 3 {
@@ -274,8 +311,11 @@ impl Parsed {
         match line {
             Line::Point(point) => self.points.push(point),
             Line::Uv(value) => self.uv_values.push(value),
-            Line::Face { points, uvs } => {
+            Line::Normal(value) => self.normals.push(value),
+            Line::Smoothing(name) => self.begin_smoothing(name),
+            Line::Face { points, uvs, normals } => {
                 let face = self.face_counts.len() as u32;
+                self.add_edges(face, normals);
                 self.face_counts.push(points.len() as u32);
                 self.face_indices.extend_from_slice(points);
                 self.uv_indices.extend_from_slice(uvs);
@@ -287,8 +327,46 @@ impl Parsed {
         }
     }
 
+    /// Begins a smoothing group. Faces before the first one have smoothing off, as the format says.
+    fn begin_smoothing(&mut self, name: &str) {
+        if self.smoothing.is_empty() {
+            let faces = self.face_counts.iter().zip(0..);
+            self.smoothing = faces.flat_map(|(count, face)| vec![Smoothing::Face(face); *count as usize]).collect();
+            self.says_smoothing = true;
+        }
+        let next = self.smoothing_groups.len() as u32;
+        let group = || *self.smoothing_groups.entry(name.to_owned()).or_insert(next);
+        self.smoothing_group = (!["off", "0"].contains(&name)).then(group);
+    }
+
+    /// Takes of a face what says which of its edges are hard.
+    fn add_edges(&mut self, face: u32, normals: &[u32]) {
+        if self.says_smoothing {
+            let smoothing = self.smoothing_group.map_or(Smoothing::Face(face), Smoothing::Group);
+            self.smoothing.extend(normals.iter().map(|_| smoothing));
+        }
+        if !self.normals.is_empty() {
+            self.normal_indices.resize(self.face_indices.len(), NONE);
+            self.normal_indices.extend_from_slice(normals);
+        }
+    }
+
+    /// Normals that are split at hard edges, if there are any.
+    fn split_normals(&mut self) -> Option<SplitNormals> {
+        let (corners, points) = (&self.face_indices, self.points.len());
+        if self.normal_indices.iter().all(|index| *index == NONE) {
+            let smoothing = std::mem::take(&mut self.smoothing);
+            return SplitNormals::between(corners, points, |a, b| smoothing.get(a) == smoothing.get(b));
+        }
+        let none = [0.0; 3];
+        let of = |index: &u32| self.normals.get(*index as usize).copied().unwrap_or(none);
+        let directions: Vec<[f32; 3]> = self.normal_indices.iter().map(of).collect();
+        SplitNormals::of_directions(corners, points, &directions)
+    }
+
     fn finish(mut self) -> MeshData {
         let uvs = self.uvs();
+        let split_normals = self.split_normals();
         let materials = self.materials.used();
         let groups = self.groups.used();
         // One group around everything says nothing.
@@ -296,6 +374,7 @@ impl Parsed {
         MeshData {
             mesh: PolygonMesh { points: self.points, face_counts: self.face_counts, face_indices: self.face_indices },
             uvs,
+            split_normals,
             face_sets: if materials.is_empty() { groups } else { materials },
             ..MeshData::default()
         }
@@ -303,15 +382,15 @@ impl Parsed {
 
     /// Corners without a texture coordinate, if only some have none, get the value (0, 0).
     fn uvs(&mut self) -> Option<Uvs> {
-        if self.uv_indices.iter().all(|&i| i == NO_UV) {
+        if self.uv_indices.iter().all(|&i| i == NONE) {
             return None;
         }
         let mut values = std::mem::take(&mut self.uv_values);
         let mut indices = std::mem::take(&mut self.uv_indices);
-        if indices.contains(&NO_UV) {
+        if indices.contains(&NONE) {
             let origin = values.len() as u32;
             values.push([0.0, 0.0]);
-            indices.iter_mut().filter(|i| **i == NO_UV).for_each(|i| *i = origin);
+            indices.iter_mut().filter(|i| **i == NONE).for_each(|i| *i = origin);
         }
         Some(Uvs { name: String::new(), values, indices })
     }
@@ -373,6 +452,36 @@ mod tests {
         let sets = parsed(HOUSE).unwrap().face_sets;
         assert_eq!(sets[0], FaceSet { name: "wall".into(), faces: vec![0, 2], material: None });
         assert_eq!(sets[1], FaceSet { name: "roof".into(), faces: vec![1], material: None });
+    }
+
+    #[test]
+    fn edges_are_hard_where_normals_or_smoothing_groups_differ() {
+        // Two quads that share the edge between points 2 and 3.
+        let points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 1 1\nv 0 1 1\n";
+        let normals = "vn 0 0 1\nvn 0 2 0\nvn 0 0 1.0001\n";
+        let split = |faces: &str| parsed(&format!("{points}{faces}")).unwrap().split_normals.map(|split| split.indices);
+        let hard = Some(vec![0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(split(&format!("{normals}f 1//1 2//1 3//1 4//1\nf 4//2 3//2 5//2 6//-2\n")), hard);
+        assert_eq!(
+            split(&format!("{normals}f 1//1 2//1 3//1 4//1\nf 4//2 3//3 5//2 6//2\n")),
+            Some(vec![0, 1, 2, 3, 4, 2, 5, 6])
+        );
+        // Equal normals of other numbers, and corners without any, are smooth; so is a file that says nothing.
+        assert_eq!(split(&format!("{normals}f 1//1 2//1 3//1 4//3\nf 4//1 3//3 5 6\n")), None);
+        assert_eq!(split("f 1 2 3 4\nf 4 3 5 6\n"), None);
+        for (first, second, expected) in [
+            ("s 1\n", "s 2\n", &hard),
+            ("s 1\n", "s 1\n", &None),
+            ("s 0\n", "", &hard),
+            ("", "s off\n", &hard),
+            ("", "s 1\n", &hard),
+        ] {
+            assert_eq!(split(&format!("{first}f 1 2 3 4\n{second}f 4 3 5 6\n")), *expected, "{first}{second}");
+        }
+        // Normals count where there are both.
+        assert_eq!(split(&format!("{normals}s off\nf 1//1 2//1 3//1 4//1\nf 4//1 3//1 5//1 6//1\n")), None);
+        let message = parsed(&format!("{points}f 1//1 2//1 3//1\n")).unwrap_err().to_string();
+        assert!(message.contains("normal 1 does not exist"), "{message}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_usd::Interpolation;
-use drapery_usd::read::{About, Chosen, Element, Entry, Meaning, MeshSample, Primvar, Stage};
+use drapery_usd::read::{About, Chosen, Element, Entry, Faces, Meaning, MeshSample, Primvar, Stage};
 
 use crate::error::IoError;
 use crate::formats::fitting;
@@ -18,6 +18,7 @@ use crate::mesh_data::{
     BoundMaterial, Connectivity, DataType, FaceSet, MeshData, MeshParam, MeshReader, PodType, Scope, Uvs, merge,
     reverse,
 };
+use crate::normals::SplitNormals;
 use crate::units::{StatedUnits, UpAxis};
 
 /// A code this close to a stored one, in sample steps, is that sample: 1001/24 s times 24 is not 1001.
@@ -291,8 +292,18 @@ fn without_meshes(others: &[(String, String)]) -> String {
 
 /// A mesh of a stage as the rest of the program knows it.
 pub(super) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
-    let MeshSample { points, faces, subsets, mut primvars, subdivision, material, double_sided, render_mesh_of } =
-        sample;
+    let MeshSample {
+        points,
+        faces,
+        subsets,
+        mut primvars,
+        normals,
+        subdivision,
+        material,
+        double_sided,
+        render_mesh_of,
+    } = sample;
+    let split_normals = normals.and_then(|normals| split_normals(&normals, &faces, points.len()));
     let counts = faces.counts;
     let found = primvars.iter().position(|primvar| primvar.name == UV && is_uv(primvar));
     let found = found.or_else(|| {
@@ -308,6 +319,7 @@ pub(super) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
     MeshData {
         object_path,
         uvs,
+        split_normals,
         params,
         face_sets: subsets
             .into_iter()
@@ -325,6 +337,29 @@ pub(super) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
         subdivision: Some(subdivision),
         triangles: None,
     }
+}
+
+/// Normals that hard edges split; none where normals do not fit the mesh.
+fn split_normals(normals: &Primvar, faces: &Faces, points: usize) -> Option<SplitNormals> {
+    let (counts, corners) = (&faces.counts, &faces.indices);
+    let pieces = normals.pieces();
+    let at = |place: usize| match &normals.indices {
+        Some(indices) => pieces.get(*indices.get(place)? as usize),
+        None => pieces.get(place),
+    };
+    if normals.element == Element::I32 {
+        return SplitNormals::between(corners, points, |a, b| at(a) == at(b));
+    }
+    let number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
+    let vector = |place| <[f32; 3]>::try_from(at(place)?.as_chunks().0.iter().map(number).collect::<Vec<_>>()).ok();
+    let places: Vec<usize> = match normals.interpolation {
+        Interpolation::Uniform => {
+            counts.iter().enumerate().flat_map(|(face, count)| std::iter::repeat_n(face, *count as usize)).collect()
+        }
+        _ => (0..corners.len()).collect(),
+    };
+    let directions: Vec<[f32; 3]> = places.into_iter().map(vector).collect::<Option<_>>()?;
+    SplitNormals::of_directions(corners, points, &directions)
 }
 
 /// A binding as the rest of the program knows it.

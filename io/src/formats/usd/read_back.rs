@@ -17,12 +17,14 @@ use crate::cache_frames::{
 use crate::error::IoError;
 use crate::formats::Opening;
 use crate::mesh_data::{Connectivity, MeshData, MeshReader};
+use crate::normals::SplitNormals;
 use crate::units::{InputUnits, LengthUnit, UpAxis};
 
 /// A cache whose samples are read one by one: the layer, and what of it does not move.
 struct Samples {
     cache: Cache,
     attributes: PointAttributes,
+    split_normals: Option<SplitNormals>,
 }
 
 /// Opens a cache, or a stage that another program made.
@@ -52,10 +54,12 @@ pub(super) fn open(path: &Path, opening: Opening) -> Result<CacheFrames, IoError
         frames: cache.frames.clone(),
         between: cache.between.iter().map(|time| Between::at(*time)).collect(),
         attributes: attributes(path, &cache.still, points.len())?,
+        split_normals: split_normals(path, &cache.still)?,
         ..CacheMesh::default()
     };
-    let attributes = mesh.attributes.clone();
-    Ok(CacheFrames::new(path, (units, Some(cache.fps)), vec![mesh], Samples { cache, attributes }))
+    let (attributes, split_normals) = (mesh.attributes.clone(), mesh.split_normals.clone());
+    let samples = Samples { attributes, split_normals, cache };
+    Ok(CacheFrames::new(path, (units, Some(samples.cache.fps)), vec![mesh], samples))
 }
 
 impl Samples {
@@ -79,6 +83,13 @@ impl CacheSamples for Samples {
 
     fn frame(&self, _: usize, sample: usize) -> Result<StoredFrame, IoError> {
         let Frame { points, velocities, normals, extent, crossings, mut numbers } = self.sample(sample)?;
+        let normals = match (&self.split_normals, normals) {
+            (Some(split), Some(corners)) => {
+                let what = "the corners of one normal differ";
+                Some(split.of_corners(&corners).ok_or_else(|| damaged(self.cache.path(), "normals", what))?)
+            }
+            (_, normals) => normals,
+        };
         let lacking = |name: &str| damaged(self.cache.path(), name, "a frame does not hold it");
         let values = StoredValues::read(&self.attributes, |name| numbers.remove(name).ok_or_else(|| lacking(name)))?;
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
@@ -114,6 +125,16 @@ fn attributes(path: &Path, still: &Still, points: usize) -> Result<PointAttribut
     let thickness =
         || still.numbers.get(THICKNESS).filter(|all| all.len() == points).cloned().ok_or_else(|| wrong(THICKNESS));
     PointAttributes::of_listed(still.attributes.as_deref().unwrap_or_default(), rest, thickness)
+}
+
+/// Normals that hard edges split, if there are any.
+fn split_normals(path: &Path, still: &Still) -> Result<Option<SplitNormals>, IoError> {
+    let Some(indices) = &still.normal_indices else { return Ok(None) };
+    let count = indices.iter().max().map_or(0, |last| *last as usize + 1);
+    let fits = count <= indices.len();
+    let split = SplitNormals::numbered(indices.clone(), count.min(indices.len()), &still.face_indices).filter(|_| fits);
+    let what = "the numbers of the normals do not fit the faces";
+    split.map(Some).ok_or_else(|| damaged(path, "drapery:normalIndices", what))
 }
 
 /// The triangles that were simulated, or the faces cut by the solver's rule.

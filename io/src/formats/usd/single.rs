@@ -8,6 +8,7 @@ use super::write::{Form, layer_units, purpose_of, still_mesh, write_error};
 use crate::cache::{APPLICATION, CacheFrame, CachePlan};
 use crate::error::IoError;
 use crate::formats::{SingleFormat, SinglePlan, SingleWriter};
+use crate::normals::SplitNormals;
 
 /// The format. Positions, velocities and normals are in memory until the layer is written.
 pub(super) const SINGLE: SingleFormat =
@@ -25,6 +26,8 @@ struct Writer<'a> {
     prims: Vec<String>,
     /// Number of meshes that are in the layer.
     begun: usize,
+    /// Normals of the last of them that hard edges split.
+    split_normals: Option<SplitNormals>,
 }
 
 impl<'a> Writer<'a> {
@@ -53,7 +56,7 @@ impl<'a> Writer<'a> {
         };
         let about = About { units, default_prim: &root, frames: plan.frames, properties: &application };
         let layer = SingleLayer::new(&about);
-        Self { plan, layer, root, paths, prims, begun: 0 }
+        Self { plan, layer, root, paths, prims, begun: 0, split_normals: None }
     }
 
     /// Says what the prims of a shot, or the one of all meshes, are.
@@ -76,16 +79,19 @@ impl SingleWriter for Writer<'_> {
         let CachePlan { velocities, normals, crossings, sub_frames, ref attributes, .. } = *plan;
         if mesh == self.begun {
             let form = Form { origin: plan.file_origin(), velocities, normals, crossings, attributes };
-            self.layer.add_mesh(still_mesh(plan.mesh.read()?, &self.paths[mesh], form)).map_err(refused)?;
+            let data = plan.mesh.read()?;
+            self.split_normals = data.split_normals.clone();
+            self.layer.add_mesh(still_mesh(data, &self.paths[mesh], form)).map_err(refused)?;
             self.begun += 1;
         }
         let behind = frame.sub_frame.checked_sub(1).map_or(0.0, |number| sub_frames[number]);
         let numbers = attributes.moving_of(frame.values);
+        let at_corners = self.split_normals.as_ref().map(|split| split.at_corners(frame.normals));
         let moving = Moving {
             time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: velocities.then_some(frame.velocities),
-            normals: normals.then_some(frame.normals),
+            normals: normals.then_some(at_corners.as_deref().unwrap_or(frame.normals)),
             crossings: frame.crossings,
             numbers: &numbers,
         };

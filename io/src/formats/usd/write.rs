@@ -30,6 +30,7 @@ use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, re
 use crate::formats::{Part, ShotFiles, remove_folder};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
+use crate::normals::SplitNormals;
 use crate::units::{Units, UpAxis};
 use crate::written_file;
 
@@ -43,6 +44,8 @@ pub(super) struct UsdWriter {
     /// Folder of clips of all forms, beside the layer.
     clips: PathBuf,
     mesh: GarmentMesh,
+    /// Normals that hard edges split; known with the first frame.
+    split_normals: Option<SplitNormals>,
     mesh_path: MeshPath,
     units: LayerUnits,
     origin: Option<[f64; 3]>,
@@ -98,6 +101,7 @@ impl UsdWriter {
             // By the garment and not by the file, which may get its final name only when it is whole.
             clips: clips_of(&path.with_file_name(format!("{}.usd", plan.garment))),
             mesh: plan.mesh.clone(),
+            split_normals: None,
             mesh_path: MeshPath::of(&plan.object_path()),
             units: layer_units(plan.units, plan.fps()),
             origin: plan.file_origin(),
@@ -183,11 +187,13 @@ impl UsdWriter {
         Ok(writer)
     }
 
-    /// The layer of what does not move.
-    fn topology(&self) -> Result<Vec<u8>, IoError> {
+    /// The layer of what does not move; takes note of the hard edges.
+    fn topology(&mut self) -> Result<Vec<u8>, IoError> {
+        let data = self.mesh.read()?;
+        self.split_normals = data.split_normals.clone().filter(|_| self.normals);
         let Self { origin, velocities, normals, crossings, ref attributes, .. } = *self;
         let form = Form { origin, velocities, normals, crossings, attributes };
-        let still = still_mesh(self.mesh.read()?, &self.mesh_path, form);
+        let still = still_mesh(data, &self.mesh_path, form);
         topology(self.units, still).map_err(|e| self.refused(&e))
     }
 
@@ -215,11 +221,12 @@ impl UsdWriter {
     fn write_frame(&mut self, folder: &Path, frame: &CacheFrame<'_>) -> Result<(), IoError> {
         let behind = frame.sub_frame.checked_sub(1).map_or(0.0, |number| self.sub_frames[number]);
         let numbers = self.attributes.moving_of(frame.values);
+        let at_corners = self.split_normals.as_ref().map(|split| split.at_corners(frame.normals));
         let moving = Moving {
             time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: self.velocities.then_some(frame.velocities),
-            normals: self.normals.then_some(frame.normals),
+            normals: self.normals.then_some(at_corners.as_deref().unwrap_or(frame.normals)),
             crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
             numbers: &numbers,
         };
@@ -382,6 +389,10 @@ pub(super) struct Form<'a> {
 /// Everything of a mesh that does not move, as USD writes it.
 pub(super) fn still_mesh<'a>(mut data: MeshData, path: &'a MeshPath, form: Form<'_>) -> StillMesh<'a> {
     form.attributes.add_to(&mut data, REST);
+    if form.normals {
+        // Those of the source are of one pose, and would count more.
+        data.params.retain(|param| param.name != "normals");
+    }
     let triangles = triangles_to_store(&data);
     let primvars = std::mem::take(&mut data.params);
     let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
@@ -403,6 +414,7 @@ pub(super) fn still_mesh<'a>(mut data: MeshData, path: &'a MeshPath, form: Form<
         face_indices: signed(data.mesh.face_indices),
         velocities: form.velocities,
         normals: form.normals,
+        normal_indices: data.split_normals.filter(|_| form.normals).map(|split| signed(split.indices)),
         crossings: form.crossings,
         numbers: form.attributes.moving().collect(),
         attributes: form.attributes.listed(),

@@ -282,9 +282,9 @@ pub(in crate::scene_file) struct Output {
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,
-    /// Attributes at the points, for shading and checks: "normals" (smooth), "rest" (positions at rest: `Pref` in Alembic,
-    /// `primvars:rest` in USD), "strain" (greatest strain of the edges at a point: length over rest length, less one),
-    /// "contact" (1 where a point is as close to a body or other cloth as contact keeps it, 0 at twice that distance),
+    /// Attributes at the points, for shading and checks: "normals" (smooth but for hard edges), "rest" (positions at rest:
+    /// `Pref` in Alembic, `primvars:rest` in USD), "strain" (greatest strain of the edges at a point: length over rest length,
+    /// less one), "contact" (1 where a point is as close to a body or other cloth as contact keeps it, 0 at twice that distance),
     /// "thickness" (of the fabric, in the unit of the caches). None by default; render meshes always have normals.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) attributes: Vec<PointAttribute>,
@@ -297,7 +297,7 @@ pub(in crate::scene_file) struct Output {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::scene_file) enum PointAttribute {
-    /// Smooth normals, of length one.
+    /// Normals of length one, smooth but for hard edges.
     Normals,
     /// Positions at rest.
     Rest,

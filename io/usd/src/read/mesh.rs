@@ -11,9 +11,10 @@ use super::reading::Reading;
 use super::skin::Skin;
 use super::transform::{Transform, transform_all};
 use super::values::{integers, vectors, word};
-use super::{Entry, Faces, MeshSample, Stored, Subset};
-use crate::RENDER_MESH_OF;
+use super::{Element, Entry, Faces, Meaning, MeshSample, Primvar, Stored, Subset};
 use crate::material::{BINDING, BoundMaterial, SOURCE_PATH, STRENGTH, STRONGER};
+use crate::write::NORMAL_INDICES;
+use crate::{Interpolation, RENDER_MESH_OF};
 
 /// Attributes of meshes that clips may hold.
 const IN_CLIPS: [(&str, &str); 6] = [
@@ -270,7 +271,10 @@ impl Mesh {
     pub(crate) fn read(&self, reading: &Reading, code: f64) -> Result<MeshSample, UsdError> {
         let (stored, point_count) = self.stored_faces(reading, code)?;
         let turned = self.turned(reading, code, point_count)?;
-        let primvars = primvars::read(reading, &self.prim, code)?.into_iter();
+        let primvars = primvars::read(reading, &self.prim, code)?;
+        let subdivision = reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned());
+        let normals = self.split_normals(reading, code, (&subdivision, &primvars))?;
+        let primvars = primvars.into_iter();
         let mut subsets = self.subsets(reading, code, stored.counts.len())?;
         subsets.iter_mut().for_each(|subset| repeat_subset(subset, stored.counts.len(), turned.len()));
         Ok(MeshSample {
@@ -278,7 +282,8 @@ impl Mesh {
             faces: repeat_faces(&stored, point_count, &turned),
             points: self.points(reading, code)?,
             primvars: primvars.filter_map(|primvar| repeat_primvar(primvar, &stored.counts, &turned)).collect(),
-            subdivision: reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned()),
+            normals: normals.and_then(|normals| repeat_primvar(normals, &stored.counts, &turned)),
+            subdivision,
             material: material(reading, &self.prim, true)?,
             double_sided: match reading.value(&self.prim.attribute("doubleSided"))? {
                 Some(Value::Bool(both)) => Some(both),
@@ -286,6 +291,48 @@ impl Mesh {
             },
             render_mesh_of: reading.word(&self.prim, RENDER_MESH_OF)?,
         })
+    }
+
+    /// Normals that tell hard edges: of face corners or faces. Those of a subdivision surface have no effect in USD.
+    fn split_normals(
+        &self,
+        reading: &Reading,
+        code: f64,
+        (subdivision, primvars): (&str, &[Primvar]),
+    ) -> Result<Option<Primvar>, UsdError> {
+        let plain = Primvar {
+            name: "normals".to_owned(),
+            interpolation: Interpolation::FaceVarying,
+            element: Element::I32,
+            extent: 1,
+            meaning: Meaning::Numbers,
+            values: Vec::new(),
+            indices: None,
+        };
+        if let Some(numbers) = self.integers(reading, NORMAL_INDICES.0, code)? {
+            let values = numbers.iter().flat_map(|number| (*number as i32).to_le_bytes()).collect();
+            return Ok(Some(Primvar { values, ..plain }));
+        }
+        let split = [Interpolation::FaceVarying, Interpolation::Uniform];
+        let is_vector = |primvar: &&Primvar| (primvar.element, primvar.extent) == (Element::F32, 3);
+        if subdivision != "none" {
+            return Ok(None);
+        }
+        // They count more than the attribute.
+        if let Some(normals) = primvars.iter().find(|primvar| primvar.name == plain.name) {
+            return Ok(Some(normals)
+                .filter(is_vector)
+                .filter(|normals| split.contains(&normals.interpolation))
+                .cloned());
+        }
+        let attribute = self.prim.attribute("normals");
+        let word = metadata(reading, &attribute, "interpolation")?.as_ref().and_then(word);
+        let interpolation = split.into_iter().find(|each| word.as_deref() == Some(each.word()));
+        let Some(interpolation) = interpolation else { return Ok(None) };
+        let value = reading.value_at(&attribute.query(), code)?;
+        let Some(all) = value.as_ref().and_then(vectors) else { return Ok(None) };
+        let values = all.iter().flatten().flat_map(|number| (*number as f32).to_le_bytes()).collect();
+        Ok(Some(Primvar { interpolation, element: Element::F32, extent: 3, meaning: Meaning::Normal, values, ..plain }))
     }
 
     fn subsets(&self, reading: &Reading, code: f64, faces: usize) -> Result<Vec<Subset>, UsdError> {

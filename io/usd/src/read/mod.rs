@@ -200,6 +200,9 @@ pub struct MeshSample {
     pub subsets: Vec<Subset>,
     /// Attributes that are handed through.
     pub primvars: Vec<Primvar>,
+    /// Normals of face corners or faces, of meshes that are rendered as they are; of a cache of this program, the number of each
+    /// corner's normal.
+    pub normals: Option<Primvar>,
     /// USD's word for how it is rendered: `none`, `catmullClark`, `loop`, `bilinear`.
     pub subdivision: String,
     /// The material that it is bound to.

@@ -27,6 +27,9 @@ const TRIANGLES: (&str, &str) = ("drapery:triangles", "int3[]");
 /// Words for the attributes at the points that are this program's: a mesh may have others of the same names.
 const ATTRIBUTES: (&str, &str) = ("drapery:attributes", "string");
 
+/// Number of the normal of each face corner, where hard edges split them.
+pub(crate) const NORMAL_INDICES: (&str, &str) = ("drapery:normalIndices", "int[]");
+
 /// Type of numbers at the points.
 pub(super) const NUMBERS: &str = "float[]";
 
@@ -92,8 +95,10 @@ pub struct StillMesh<'a> {
     pub triangles: Option<Vec<[i32; 3]>>,
     /// Whether frames have velocities.
     pub velocities: bool,
-    /// Whether frames have normals, one for each point.
+    /// Whether frames have normals, one for each point or each face corner.
     pub normals: bool,
+    /// Number of the normal of each face corner, where hard edges split them; frames then have one for each corner.
+    pub normal_indices: Option<Vec<i32>>,
     /// Whether frames have a number of intersections.
     pub crossings: bool,
     /// Names of numbers at the points that frames have.
@@ -107,7 +112,7 @@ pub struct StillMesh<'a> {
 pub struct Members<'a> {
     /// Velocities.
     pub velocities: bool,
-    /// Normals, one for each point.
+    /// Normals.
     pub normals: bool,
     /// A number of crossings.
     pub crossings: bool,
@@ -124,7 +129,7 @@ pub struct Moving<'a> {
     pub points: &'a [[f32; 3]],
     /// Velocities per second.
     pub velocities: Option<&'a [[f32; 3]]>,
-    /// Normals at the points.
+    /// Normals at the points, or at the face corners where hard edges split them.
     pub normals: Option<&'a [[f32; 3]]>,
     /// Crossings of the shot.
     pub crossings: Option<u32>,
@@ -178,6 +183,11 @@ fn at_points() -> Declared<'static> {
     Declared { interpolation: Some(Interpolation::Vertex.word()), ..Declared::default() }
 }
 
+/// One value for each face corner.
+fn at_corners() -> Declared<'static> {
+    Declared { interpolation: Some(Interpolation::FaceVarying.word()), ..Declared::default() }
+}
+
 fn custom() -> Declared<'static> {
     Declared { custom: true, ..Declared::default() }
 }
@@ -193,7 +203,11 @@ fn add_mesh(layer: &mut BinaryLayer, mesh: &Prim, still: StillMesh<'_>) -> Resul
         layer.attribute(mesh, VELOCITIES, plain, None)?;
     }
     if still.normals {
-        layer.attribute(mesh, NORMALS, at_points(), None)?;
+        let declared = if still.normal_indices.is_some() { at_corners() } else { at_points() };
+        layer.attribute(mesh, NORMALS, declared, None)?;
+    }
+    if let Some(indices) = still.normal_indices {
+        layer.attribute(mesh, NORMAL_INDICES, custom(), Some(Value::IntVec(indices)))?;
     }
     layer.attribute(mesh, EXTENT, plain, None)?;
     if still.crossings {

@@ -18,6 +18,7 @@ mod subsets;
 mod text;
 
 pub use binary::WriteError;
+pub(crate) use mesh::NORMAL_INDICES;
 pub(crate) use mesh::primvar_of;
 pub use mesh::{Members, Moving, StillMesh, Subdivision, clip, topology};
 pub use names::{Distinct, MeshPath, identifier};

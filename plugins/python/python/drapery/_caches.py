@@ -90,6 +90,15 @@ class CacheMesh:
         """Velocities at a frame: (points, 3) [m/s]; None where the cache stores none. Raises what ``positions`` raises."""
         return self._native.velocities(self._number, frame)
 
+    def attributes(self, frame: int) -> dict[str, npt.NDArray[np.float64]]:
+        """Attributes for shading and checks at a frame, by their words in ``[output] attributes``; those that the cache holds.
+
+        ``normals`` are of length one, one for each point (points, 3), or for each face corner (corners, 3) in the order of ``faces``
+        where the mesh has hard edges. ``rest`` are positions at rest (points, 3) [m], Y up. ``strain``, ``contact`` and
+        ``thickness`` [m] are (points,). Raises what ``positions`` raises.
+        """
+        return self._native.attributes(self._number, frame)
+
     def __getitem__(self, frame: int) -> Vectors:
         """Positions at the frame of this number, as ``positions``."""
         return self.positions(frame)
