@@ -1,4 +1,5 @@
-"""Finishes the bill of materials of cargo-cyclonedx: no folders of this machine, and the C library of HDF5.
+"""Finishes the bill of materials of cargo-cyclonedx: no folders of this machine, and what is inside but is no crate: the C library of HDF5,
+and the library of the page of `drapery view`.
 
 python3 bill_of_materials.py WORKSPACE BILL.json FOLDER_OF_HDF5_METNO_SRC
 """
@@ -9,7 +10,7 @@ import sys
 import uuid
 from pathlib import Path
 
-CRATE = "hdf5-metno-src"
+PAGE = Path("analysis/viewer/library/package-lock.json")
 
 
 def hdf5(crate):
@@ -28,15 +29,38 @@ def hdf5(crate):
     }
 
 
+def three(workspace):
+    """The component of three.js, which a crate embeds."""
+    package = json.loads((workspace / PAGE).read_text())["packages"]["node_modules/three"]
+    reference = f"pkg:npm/three@{package['version']}"
+    return {
+        "type": "library",
+        "bom-ref": reference,
+        "name": "three",
+        "version": package["version"],
+        "description": "three.js, in the page of `drapery view`",
+        "scope": "required",
+        "licenses": [{"license": {"id": package["license"]}}],
+        "purl": reference,
+    }
+
+
+def add(bill, component, owner):
+    """Adds a component that the crate `owner` brings, if that crate is in the bill."""
+    for crate in bill["dependencies"]:
+        if re.search(rf"[/#]{owner}(#|@|$)", crate["ref"]):
+            bill["components"].append(component)
+            crate.setdefault("dependsOn", []).append(component["bom-ref"])
+            bill["dependencies"].append({"ref": component["bom-ref"]})
+            return
+
+
 def main():
     workspace, file, crate = sys.argv[1:]
     text = Path(file).read_text().replace(f"path+file://{workspace}/", "path+workspace:").replace(workspace, "")
     bill = json.loads(re.sub(r"\?download_url=file://[^#\"]*", "", text))
-    library = hdf5(Path(crate))
-    bill["components"].append(library)
-    owner = next(each for each in bill["dependencies"] if each["ref"].split("#")[-1].startswith(f"{CRATE}@"))
-    owner.setdefault("dependsOn", []).append(library["bom-ref"])
-    bill["dependencies"].append({"ref": library["bom-ref"]})
+    add(bill, hdf5(Path(crate)), "hdf5-metno-src")
+    add(bill, three(Path(workspace)), "drapery-analysis")
     # A number that depends on the content alone: the same commit has the same bill.
     content = json.dumps(bill, sort_keys=True)
     bill["serialNumber"] = uuid.uuid5(uuid.NAMESPACE_URL, content).urn

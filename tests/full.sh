@@ -11,8 +11,8 @@ solver=$(git hash-object --stdin <<<"$sources" 2>/dev/null | cut -c1-7)
 export DRAPERY_LONG_RUNS=${DRAPERY_LONG_RUNS:-target/long-runs/$solver}
 mkdir -p "$DRAPERY_LONG_RUNS"
 
-# Slurm, and what makes roots of Debian.
-.ci/setup.sh slurm-wlm munge mmdebstrap
+# Slurm, Tcl in which jobs of Tractor are written, and what makes images.
+.ci/setup.sh slurm-wlm munge tcl mmdebstrap buildah
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 schedulers=$target/schedulers
 requirements=tests/oracle/scheduler_requirements.txt

@@ -4,7 +4,8 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use drapery_analysis::study::error::StudyError;
-use drapery_io::error::{IoError, OPEN_FILES, is_out_of_files};
+use drapery_io::error::{IoError, OPEN_FILES};
+use drapery_io::platform;
 use drapery_io::scene_file::SceneFileError;
 use drapery_shot::ShotError;
 use drapery_shot::fault::FaultKind;
@@ -28,7 +29,7 @@ impl Failure {
 
     /// The system refuses what every process needs: threads, or files that are open. `what` is what could not be done.
     pub(crate) fn refused(what: &str, error: &std::io::Error) -> Self {
-        let (code, help) = match is_out_of_files(error) {
+        let (code, help) = match platform::is_out_of_files(error) {
             true => (ExitCode::Io, OPEN_FILES),
             false => (ExitCode::NoMemory, MORE_THREADS),
         };

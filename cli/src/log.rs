@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use drapery_io::error::IoError;
-use drapery_io::input_file;
+use drapery_io::{input_file, platform};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::EnvFilter;
 use tracing_subscriber::layer::{Context, SubscriberExt};
@@ -124,7 +124,7 @@ const LINE: &[u8] = b"{\"timestamp\"";
 /// Creates a log, in the place of an earlier one. Another file of this name is one that was named by mistake, and is kept. Pipes are what
 /// shells make of `--log-json >(PROGRAM)`.
 fn create(path: &Path) -> Result<File, Failure> {
-    if let Some(pipe) = input_file::open_pipe_to_write(path) {
+    if let Some(pipe) = platform::open_pipe_to_write(path) {
         let help = "start the program that reads it first, or give the name of a file";
         let text = format!("{}: no program reads from this pipe\n  help: {help}", path.display());
         return pipe.map_err(|_| Failure::new(ExitCode::CannotCreate, text));

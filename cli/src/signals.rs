@@ -8,17 +8,18 @@
 //! second signal came, the program ends without being asked after a while: as after SIGKILL, files are what they were at the last
 //! checkpoint, but with the exit code of a stop.
 
-use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use drapery_shot::farm::stop::{Reason, Signal, SignalOrder, StopRequests};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
-use signal_hook::iterator::Signals;
+use signal_hook::consts::SIGTERM;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGINT, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 
 use crate::failure::Failure;
 use crate::say;
 
 /// The signals, and what they are called where they are obeyed.
+#[cfg(unix)]
 const HEARD: [(i32, Signal); 6] = [
     (SIGTERM, Signal::Terminate),
     (SIGUSR1, Signal::User1),
@@ -37,31 +38,45 @@ const START: u64 = 1;
 /// Hands signals on as requests, from now until the program ends. To be called once, before anything takes long. `unasked` is what
 /// the program ends with where the run does not ask for requests.
 pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), Failure> {
-    let failure = |error| Failure::refused("signals cannot be listened to", &error);
-    let heard = HEARD.iter().map(|(number, _)| *number).filter(|number| *number != SIGHUP || !is_ignored(SIGHUP));
-    let mut signals = Signals::new(heard).map_err(failure)?;
     let (requests, unasked) = (requests.clone(), unasked.clone());
-    // A thread of its own and no work in the handler: it may look at a clock and take a lock.
+    let hear = move |signal| {
+        let order = requests.signal(signal, SystemTime::now());
+        unasked.watch(&requests, signal, order);
+    };
+    on_each_signal(hear).map_err(|error| Failure::refused("signals cannot be listened to", &error))
+}
+
+/// Calls `hear` with each signal, on a thread of its own and not in the handler: it may look at a clock and take a lock.
+#[cfg(unix)]
+fn on_each_signal(hear: impl Fn(Signal) + Send + 'static) -> std::io::Result<()> {
+    let heard = HEARD.iter().map(|(number, _)| *number).filter(|number| *number != SIGHUP || !is_ignored(SIGHUP));
+    let mut signals = signal_hook::iterator::Signals::new(heard)?;
     let listen = move || {
         for number in signals.forever() {
-            if let Some((_, signal)) = HEARD.iter().find(|(heard, _)| *heard == number) {
-                let order = requests.signal(*signal, SystemTime::now());
-                unasked.watch(&requests, *signal, order);
-            }
+            HEARD.iter().filter(|(heard, _)| *heard == number).for_each(|(_, signal)| hear(*signal));
         }
     };
-    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failure)?;
-    Ok(())
+    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map(drop)
+}
+
+/// The same on Windows, where Ctrl-C and Ctrl-Break are all that can be heard.
+#[cfg(windows)]
+fn on_each_signal(hear: impl Fn(Signal) + Send + 'static) -> std::io::Result<()> {
+    ctrlc::set_handler(move || hear(Signal::Interrupt)).map_err(std::io::Error::other)
 }
 
 /// From now on a file that may not grow any more (`ulimit -f`) is an error of writing, and does not end the program by a signal.
 pub(crate) fn outlive_limits_of_files() -> Result<(), Failure> {
-    let registered = signal_hook::flag::register(SIGXFSZ, Arc::default());
-    registered.map(drop).map_err(|error| Failure::refused("limits of files cannot be watched", &error))
+    // Windows sets no such limit.
+    #[cfg(unix)]
+    signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())
+        .map_err(|error| Failure::refused("limits of files cannot be watched", &error))?;
+    Ok(())
 }
 
 /// Whether whoever has started the program wants it to ignore a signal, as `nohup` does; taken for granted where the system does
 /// not tell.
+#[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -119,7 +134,7 @@ pub(crate) fn end_by_term() {
     let _ = signal_hook::low_level::emulate_default_handler(SIGTERM);
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
     use drapery_shot::farm::stop::{Reason, Request};

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
-use crate::input_file;
+use crate::platform;
 
 /// The file that is written before it is renamed to `path`; one that is there when nobody writes was left by a process that was
 /// killed.
@@ -23,7 +23,7 @@ pub fn unfinished(path: &Path) -> PathBuf {
 pub fn check_name(path: &Path) -> Result<(), IoError> {
     match fs::metadata(path) {
         Ok(about) if !about.is_file() => {
-            Err(IoError::OutputNotAFile { path: path.to_owned(), what: input_file::word(about.file_type()) })
+            Err(IoError::OutputNotAFile { path: path.to_owned(), what: platform::kind_in_words(about.file_type()) })
         }
         _ => Ok(()),
     }

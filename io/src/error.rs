@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use drapery_alembic::AlembicError;
 
+use crate::platform;
+
 /// An error of reading or writing files.
 #[derive(Debug, thiserror::Error)]
 pub enum IoError {
@@ -266,7 +268,7 @@ impl IoError {
             Self::Missing { .. } | Self::MissingPart { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Read { source, .. } if is_about_the_name(source) => IoErrorKind::MissingInput,
             Self::Read { .. } | Self::LockGone { .. } => IoErrorKind::Io,
-            Self::Create { source, .. } if is_out_of_files(source) => IoErrorKind::Io,
+            Self::Create { source, .. } if platform::is_out_of_files(source) => IoErrorKind::Io,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
             Self::OutputNotUtf8 { .. } | Self::OutputNotAFile { .. } => IoErrorKind::CannotCreate,
             Self::FileExists { .. } => IoErrorKind::CannotCreate,
@@ -274,7 +276,7 @@ impl IoError {
             Self::Write { .. } | Self::NoRoom { .. } | Self::OutputChanged { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
             Self::Alembic(AlembicError::Io { action: "create", source, .. })
-                if !has_no_room(source) && !is_out_of_files(source) =>
+                if !has_no_room(source) && !platform::is_out_of_files(source) =>
             {
                 IoErrorKind::CannotCreate
             }
@@ -319,23 +321,13 @@ fn has_no_room(error: &std::io::Error) -> bool {
 /// Whether a file cannot be read because of its name or its permissions: another attempt will not read it either.
 fn is_about_the_name(error: &std::io::Error) -> bool {
     use ErrorKind::{InvalidFilename, NotADirectory, NotFound, PermissionDenied};
-    let loops = error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error());
-    loops || matches!(error.kind(), NotFound | PermissionDenied | NotADirectory | InvalidFilename)
-}
-
-/// Whether the system refuses because the process, or the machine, has as many files open as it may.
-pub fn is_out_of_files(error: &std::io::Error) -> bool {
-    use rustix::io::Errno;
-    match error.raw_os_error() {
-        Some(number) => [Errno::MFILE, Errno::NFILE].iter().any(|errno| errno.raw_os_error() == number),
-        // HDF5 tells in words alone.
-        None => error.to_string().contains("Too many open files"),
-    }
+    platform::is_loop_of_links(error)
+        || matches!(error.kind(), NotFound | PermissionDenied | NotADirectory | InvalidFilename)
 }
 
 /// Advice about an error of the system; `usual` where the error itself does not say.
 fn advice_on<'a>(error: &std::io::Error, usual: &'a str) -> &'a str {
-    if is_out_of_files(error) { OPEN_FILES } else { usual }
+    if platform::is_out_of_files(error) { OPEN_FILES } else { usual }
 }
 
 /// Advice where a file cannot be read.

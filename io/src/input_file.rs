@@ -1,14 +1,12 @@
 //! Input files. Every file that is read is opened here, so that what is no file is refused before anything waits for it: a pipe
 //! that nobody writes to would keep a run waiting for ever, a device has no end.
 
-use std::fs::{self, File, FileType};
-use std::io::{self, BufRead, Read};
-use std::os::unix::fs::FileTypeExt;
+use std::fs::{self, File};
+use std::io::{BufRead, Read};
 use std::path::Path;
 
-use rustix::fs::{Mode, OFlags};
-
 use crate::error::IoError;
+use crate::platform;
 
 /// Longest file that is read as a whole [bytes]: far more than any scene, map or record has.
 const LONGEST_FILE: u64 = 1 << 30;
@@ -28,7 +26,7 @@ pub fn check(path: &Path) -> Result<(), IoError> {
     if about.is_file() {
         return Ok(());
     }
-    Err(IoError::NotAFile { path: path.to_owned(), what: word(about.file_type()) })
+    Err(IoError::NotAFile { path: path.to_owned(), what: platform::kind_in_words(about.file_type()) })
 }
 
 /// Opens a regular file, directly or by links.
@@ -39,24 +37,6 @@ pub fn open(path: &Path) -> Result<File, IoError> {
     // Before it is opened: to open a pipe waits for a writer, and to open a device may do something to it.
     check(path)?;
     File::open(path).map_err(|error| IoError::reading(path, error))
-}
-
-/// Opens a pipe for writing, without waiting for a program that reads it; `None` if the file is no pipe.
-///
-/// # Errors
-/// No program reads it.
-pub fn open_pipe_to_write(path: &Path) -> Option<io::Result<File>> {
-    if !fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo()) {
-        return None;
-    }
-    // To open a pipe so fails at once where nobody reads. It is opened only once: a reader takes the end of a writer for the end of
-    // all, and the next opening would wait for another reader.
-    let flags = OFlags::WRONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let opened = rustix::fs::open(path, flags, Mode::empty()).and_then(|pipe| {
-        rustix::fs::fcntl_setfl(&pipe, OFlags::WRONLY)?;
-        Ok(File::from(pipe))
-    });
-    Some(opened.map_err(Into::into))
 }
 
 /// Makes sure that the HDF5 library can open a file: it takes names in UTF-8 alone, and would wait for a pipe.
@@ -120,16 +100,6 @@ pub fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> 
         return Err(IoError::data(path, "length", what, "the file is damaged, or not a text file; export it again"));
     }
     Ok(read > 0)
-}
-
-/// Names the thing that is there instead of a file.
-pub(crate) fn word(kind: FileType) -> &'static str {
-    match () {
-        () if kind.is_dir() => "a folder",
-        () if kind.is_fifo() => "a pipe",
-        () if kind.is_socket() => "a socket",
-        () => "a device",
-    }
 }
 
 #[cfg(test)]

@@ -41,6 +41,7 @@ mod mesh_cut;
 pub mod mesh_data;
 pub mod mesh_source;
 pub mod normals;
+pub mod platform;
 pub mod rules;
 pub mod scene_file;
 pub mod sha256;

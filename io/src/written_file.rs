@@ -5,10 +5,10 @@
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
-use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 use crate::error::IoError;
+use crate::platform::FileIdentity;
 
 /// Makes sure that `path` names a file with at least `length` bytes: the open `file` where it is still written, any where it was
 /// closed.
@@ -16,18 +16,15 @@ use crate::error::IoError;
 /// # Errors
 /// The file was removed, replaced or cut by another program; the system does not tell.
 pub fn check<'a>(path: &Path, file: impl Into<Option<&'a File>>, length: u64) -> Result<(), IoError> {
-    let metadata = |file: &File| file.metadata().map_err(|error| IoError::writing(path, error));
-    let own = file.into().map(metadata).transpose()?;
+    let failed = |error| IoError::writing(path, error);
     let changed = |what: String| Err(IoError::OutputChanged { path: path.to_owned(), what });
-    match fs::metadata(path) {
+    let own = file.into().map(FileIdentity::of).transpose().map_err(failed)?;
+    let identity = || own.is_some().then(|| FileIdentity::named(path)).transpose();
+    match fs::metadata(path).and_then(|about| Ok((about.len(), identity()?))) {
         Err(error) if error.kind() == ErrorKind::NotFound => changed("has removed this file".to_owned()),
-        Err(error) => Err(IoError::writing(path, error)),
-        Ok(named) if own.is_some_and(|own| (named.dev(), named.ino()) != (own.dev(), own.ino())) => {
-            changed("has replaced this file".to_owned())
-        }
-        Ok(named) if named.len() < length => {
-            changed(format!("has truncated this file from {length} to {} bytes", named.len()))
-        }
+        Err(error) => Err(failed(error)),
+        Ok((_, named)) if named != own => changed("has replaced this file".to_owned()),
+        Ok((found, _)) if found < length => changed(format!("has truncated this file from {length} to {found} bytes")),
         Ok(_) => Ok(()),
     }
 }

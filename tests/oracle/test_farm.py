@@ -326,6 +326,6 @@ def test_every_option_that_page_and_examples_name_exists():
              for option in re.findall(r"--[a-z][a-z-]+", line)}
     named |= {("farm.md", option) for option in re.findall(r"`(--[a-z][a-z-]+)", page)}
     foreign = {"--signal", "--requeue", "--open-mode", "--job-name", "--mca", "--mpi", "--kill-on-bad-exit", "--cpus-per-task", "--parsable",
-               "--dependency", "--kill-on-invalid-dep", "--ntasks", "--partition"}
+               "--dependency", "--kill-on-invalid-dep", "--ntasks", "--partition", "--max-worker-count", "--max-retries-per-task"}
     assert len(named) > 20
     assert not {(file, option) for file, option in named if option not in known | foreign}

@@ -9,11 +9,10 @@ use std::time::{Duration, Instant};
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::simulation::FrameSummary;
-use drapery_io::memory;
 use drapery_io::scene_file::SceneFile;
 use drapery_io::shot_description::ShotDescription;
+use drapery_io::{memory, platform};
 use drapery_shot::ShotError;
-use drapery_shot::farm::process;
 use drapery_shot::scene_source::SceneSource;
 use drapery_shot::steps::{SteppedFrame, SteppedShot};
 use sha2::{Digest, Sha256};
@@ -235,14 +234,14 @@ impl<'a> Course<'a> {
             if self.until().is_some_and(|until| Instant::now() + self.half_a_frame() > until) {
                 return Ok(Stop::Whole);
             }
-            let before = process::processor_seconds();
+            let before = platform::processor_seconds();
             let over = &mut || cancelled.load(Relaxed) || Instant::now() >= until;
             let Some(SteppedFrame { summary, seconds }) = shot.next_frame(over)? else {
                 let is_trial = matches!(self.pace, Pace::Trial { .. });
                 let enough = is_trial && !self.kept.is_empty() && !cancelled.load(Relaxed);
                 return Ok(if enough { Stop::Whole } else { Stop::OutOfTime });
             };
-            let processor_seconds = process::processor_seconds() - before;
+            let processor_seconds = platform::processor_seconds() - before;
             let frame = summary.frame;
             reached.store(frame, Relaxed);
             if self.is_compared(frame, start) {

@@ -12,20 +12,17 @@ set -euo pipefail
 name=${1:?usage: slurm_chunks.sh NAME FRAMES OUT SCENE FIRST-LAST [arguments of drapery run]}
 each=$2 out=$3 scene=$4 range=$5
 shift 5
-[[ $each =~ ^[1-9][0-9]*$ && $range =~ ^(-?[0-9]+)-(-?[0-9]+)$ ]] || {
-    echo "slurm_chunks.sh: FRAMES is a number above zero and the range FIRST-LAST, not $each and $range" >&2
-    exit 2
-}
+# shellcheck source=/dev/null
+source "$(dirname "$0")/frame_chunks.sh"
+chunks=$(frame_chunks "$each" "$range")
 read -r -a sbatch <<<"${SBATCH:-sbatch}"
-first=${BASH_REMATCH[1]} last=${BASH_REMATCH[2]}
 
 after=()
-for ((from = first; from <= last; from += each)); do
-    to=$((from + each - 1 < last ? from + each - 1 : last))
+while read -r from to; do
     # Every chunk asks for all frames up to its end: a finished range is extended, and nothing is simulated twice.
     job=$("${sbatch[@]}" --parsable --job-name="$name.$from-$to" "${after[@]}" "$(dirname "$0")/slurm.sbatch" "$out" "$scene" \
-        --frames "$first-$to" "$@")
+        --frames "${chunks%% *}-$to" "$@")
     echo "$job"
     # A job of several clusters is NUMBER;CLUSTER.
     after=(--dependency="afterok:${job%%;*}" --kill-on-invalid-dep=yes)
-done
+done <<<"$chunks"

@@ -10,8 +10,7 @@
 //! than [`DEAD_AFTER`]. They say that the process lives; whether it gets on is what the manifest tells.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{ErrorKind, Read};
-use std::os::unix::fs::{FileExt, MetadataExt};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -21,6 +20,7 @@ use std::time::{Duration, SystemTime};
 
 use drapery_io::error::IoError;
 use drapery_io::input_file;
+use drapery_io::platform::{self, FileIdentity};
 use serde::{Deserialize, Serialize};
 
 use crate::farm::process::Owner;
@@ -227,7 +227,7 @@ struct Found {
     file: File,
     record: Option<Record>,
     modified: SystemTime,
-    user: u32,
+    user: Option<u32>,
 }
 
 impl Found {
@@ -240,7 +240,7 @@ impl Found {
         file.read_to_end(&mut text).map_err(|e| IoError::reading(path, e))?;
         let about = file.metadata().map_err(|e| IoError::reading(path, e))?;
         let modified = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-        Ok(Some(Self { file, record: serde_json::from_slice(&text).ok(), modified, user: about.uid() }))
+        Ok(Some(Self { file, record: serde_json::from_slice(&text).ok(), modified, user: platform::user_of(&about) }))
     }
 
     fn holder(&self, me: &Owner, now: SystemTime) -> Holder {
@@ -256,11 +256,11 @@ impl Found {
     }
 }
 
-fn presence(owner: Option<&Owner>, user: u32, me: &Owner, silent_for: Duration) -> Presence {
+fn presence(owner: Option<&Owner>, user: Option<u32>, me: &Owner, silent_for: Duration) -> Presence {
     let silent = silent_for >= DEAD_AFTER;
     match owner {
         // Processes of other users may be hidden.
-        Some(owner) if me.sees(owner) && own_user() == Some(user) => {
+        Some(owner) if me.sees(owner) && user.is_some() && user == own_user() => {
             if owner.is_running() {
                 Presence::Alive
             } else {
@@ -276,7 +276,7 @@ fn presence(owner: Option<&Owner>, user: u32, me: &Owner, silent_for: Duration) 
 
 /// Number of the user that this process acts for.
 fn own_user() -> Option<u32> {
-    fs::metadata("/proc/self").ok().map(|about| about.uid())
+    platform::user_of(&fs::metadata("/proc/self").ok()?)
 }
 
 fn refusal(path: &Path, holder: &Holder) -> IoError {
@@ -390,9 +390,10 @@ fn content(owner: &Owner, now: SystemTime) -> String {
 }
 
 /// Writes owner and time over the file, in one piece and always of the same length.
-fn beat(file: &File, owner: &Owner, length: usize, now: SystemTime) -> std::io::Result<()> {
+fn beat(mut file: &File, owner: &Owner, length: usize, now: SystemTime) -> std::io::Result<()> {
     let text = format!("{:<length$}\n", content(owner, now));
-    file.write_all_at(text.as_bytes(), 0)
+    file.seek(SeekFrom::Start(0))?;
+    file.write_all(text.as_bytes())
 }
 
 /// Whether the file under a name is this one. Trouble with the disk is no proof that it is not.
@@ -400,10 +401,10 @@ fn is_under(path: &Path, file: &File) -> bool {
     // Opened, and not only looked at: file servers check on opening whether what they remember still holds.
     let there = match File::open(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return false,
-        opened => opened.and_then(|file| file.metadata()),
+        opened => opened.and_then(|file| FileIdentity::of(&file)),
     };
-    match (there, file.metadata()) {
-        (Ok(there), Ok(own)) => (there.dev(), there.ino()) == (own.dev(), own.ino()),
+    match (there, FileIdentity::of(file)) {
+        (Ok(there), Ok(own)) => there == own,
         _ => true,
     }
 }

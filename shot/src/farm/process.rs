@@ -23,13 +23,9 @@ impl Owner {
     /// The process that asks.
     pub fn this_process() -> Self {
         let line = |path: &str| fs::read_to_string(path).unwrap_or_default().trim().to_owned();
-        let host = match line("/proc/sys/kernel/hostname") {
-            name if name.is_empty() => "unknown".to_owned(),
-            name => name,
-        };
         let namespace = fs::read_link("/proc/self/ns/pid").map(|link| link.to_string_lossy().into_owned());
         Self {
-            host,
+            host: gethostname::gethostname().to_string_lossy().into_owned(),
             pid: std::process::id(),
             started: started(std::process::id()).unwrap_or_default(),
             boot: line("/proc/sys/kernel/random/boot_id"),
@@ -52,12 +48,6 @@ impl std::fmt::Display for Owner {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}:{}", self.host, self.pid)
     }
-}
-
-/// Seconds that all threads of this process have run.
-pub fn processor_seconds() -> f64 {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
 }
 
 /// Start of a process in clock ticks since the machine's; `None` if it has ended, also while nobody took note of that.

@@ -7,11 +7,10 @@
 
 use std::fs;
 use std::io;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
-use drapery_io::formats;
+use drapery_io::{formats, platform};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -30,9 +29,6 @@ const UNFINISHED: &str = ".part";
 
 /// Number of the latest copies that stay, beside the one with most frames.
 const LATEST: usize = 2;
-
-/// Bytes of a block in which the system counts room.
-const BLOCK: u64 = 512;
 
 /// Data set aside in the folder of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -58,7 +54,7 @@ pub fn look(out: &Path) -> Option<Stale> {
     while let Some(folder) = waiting.pop() {
         for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
             let Ok(about) = entry.metadata() else { continue };
-            found.bytes += about.blocks() * BLOCK;
+            found.bytes += platform::room_taken(&about);
             found.attempts += usize::from(about.is_dir() && number_of(&entry.path()).is_some());
             // A link is not followed: what it names is somewhere else.
             waiting.extend(about.is_dir().then(|| entry.path()));

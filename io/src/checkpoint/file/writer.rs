@@ -311,6 +311,6 @@ fn replace(file: &mut File, old: &[u8], new: &[u8]) -> std::io::Result<()> {
 
 /// Bytes that may be written to the disk of `folder`; `None` where the system cannot tell.
 fn free_bytes(folder: &Path) -> Option<u64> {
-    let disk = rustix::fs::statvfs(folder).ok()?;
-    (disk.f_blocks > 0).then(|| disk.f_bavail.saturating_mul(disk.f_frsize))
+    let disk = fs4::statvfs(folder).ok()?;
+    (disk.total_space() > 0).then(|| disk.available_space())
 }
