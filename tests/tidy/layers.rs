@@ -49,7 +49,8 @@ const ROOMS: [&str; 34] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 30] = [
+const IO_ROOMS: [&str; 31] = [
+    "platform",
     "error",
     "input_file",
     "atomic_file",

@@ -20,7 +20,7 @@ class Recording:
     """The frames of one mesh, from an Alembic cache into a PC2 file.
 
     `frames` of them are there, from the frame `first` on; positions are those of the cache, Y up, in metres. A PC2 file has its samples at
-    equal distances, and those between frames are where the shutter opens and closes: they are passed over.
+    equal distances, and those between frames are where the shutter opens and closes: they are ignored.
     """
 
     def __init__(self, source, path, target):

@@ -71,7 +71,7 @@ impl NewForm<'_> {
         let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
         let samples_of = |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
         let samples = (self.plan.first_frame..=last.0).flat_map(|frame| samples_of(frame).map(move |k| (frame, k)));
-        let from_positions = self.from_positions()?;
+        let from_positions = self.attributes_of_positions()?;
         for (frame, sub_frame) in samples {
             let sample = self.sample(&frames, (frame, sub_frame)).map_err(lacks)?;
             let positions = self.positions(&frames, sample)?;
@@ -112,7 +112,7 @@ impl NewForm<'_> {
 
     /// Normals, and strain from the positions of a garment; a render mesh has the strain of its garment, which only an earlier cache
     /// holds.
-    fn from_positions(&self) -> Result<FromPositions, IoError> {
+    fn attributes_of_positions(&self) -> Result<FromPositions, IoError> {
         let is_asked = self.plan.attributes.strain && self.plan.mesh.read()?.render_mesh_of.is_none();
         FromPositions::new(self.plan.mesh, self.plan.normals, is_asked)
     }

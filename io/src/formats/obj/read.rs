@@ -54,7 +54,7 @@ struct Parsed {
 /// Faces that are smooth where they meet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Smoothing {
-    /// Those of a smoothing group.
+    /// Faces of a smoothing group.
     Group(u32),
     /// The face alone: smoothing is off.
     Face(u32),
