@@ -91,6 +91,11 @@ sweeps = 5.0
 [garment.render_mesh]
 file = "RENDER_MESH"
 max_distance = 0.02
+[[garment.elastic]]
+where = { box = { min = [-9.0, -9.0, -9.0], max = [9.0, 9.0, 9.0] } }
+stiffness = 10.0
+rest_scale = 0.9
+damping_ratio = 1.0
 [[garment.pin]]
 vertices = [0]
 mode = "spring"
@@ -118,6 +123,14 @@ start = 0.0
 closed = 1.0
 opens = 2.0
 opened = 3.0
+break_force = 100.0
+[[body]]
+name = "column"
+file = "BODY_MESH"
+units = { length = "m", up = "Y" }
+[[body]]
+name = "belt"
+belt = { around = "column", at = [5.0, 0.0, 0.0], axis = [0.0, 1.0, 0.0], width = 0.04, depth = 0.004, gap = 0.006, resolution = 16 }
 "#;
 
 /// Membranes that stiffen, angles and folds, in long steps.
@@ -195,12 +208,19 @@ leaves = { count = [1, 2, 1], resolution = 1, side = 0.1, aspect = 1.0, base_hei
 density = 0.15
 "#;
 
-/// All of them; the file of the render mesh is written.
+/// A column of four sides around x = 5.
+const COLUMN: &str = "v 5.1 -1 0\nv 5 -1 0.1\nv 4.9 -1 0\nv 5 -1 -0.1\nv 5.1 1 0\nv 5 1 0.1\nv 4.9 1 0\nv 5 1 -0.1\n\
+    f 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+
+/// All of them; the files of the render mesh and of a body are written.
 fn scenes() -> [String; 3] {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("render_mesh_of_extreme_numbers.obj");
     std::fs::write(&file, "v 0 1 0\nv 0.1 1 0\nv 0 1 0.1\nf 1 2 3\n").expect("a file beside the tests");
-    let file = file.to_str().expect("a path of text");
-    [CONTACT, MEMBRANE, SHAPES].map(|rest| format!("{HEAD}{rest}").replace("RENDER_MESH", file))
+    let body = file.with_file_name("body_of_extreme_numbers.obj");
+    std::fs::write(&body, COLUMN).expect("a file beside the tests");
+    let [file, body] = [&file, &body].map(|file| file.to_str().expect("a path of text").to_owned());
+    let with_files = |text: String| text.replace("RENDER_MESH", &file).replace("BODY_MESH", &body);
+    [CONTACT, MEMBRANE, SHAPES].map(|rest| with_files(format!("{HEAD}{rest}")))
 }
 
 /// Dotted keys of all numbers.

@@ -436,7 +436,7 @@ fn a_thickness_that_is_no_length_is_refused() {
         description.garments[1].thickness = thickness;
         let problems = Scene::validate(description).map(drop).expect_err("a problem");
         assert_eq!(problems.0.len(), 1);
-        assert!(problems.to_string().contains("garment \"layer1\", thickness"), "{problems}");
+        assert!(problems.to_string().contains("garment \"layer1\": `thickness` = "), "{problems}");
     }
 }
 

@@ -47,7 +47,7 @@ const LAST_FRAME: &str = "shot.last_frame";
 /// Keys that are younger than the first runs, without the indices of lists, with their defaults: at these the digest of a scene does
 /// not hold them, so that it is that of the programs before. A new key with a default belongs here.
 const YOUNGER: [(&str, &str); 4] =
-    [("garment.rest_scale", "1.0"), ("solver.steps_per_frame", "8"), ("seam.keep_gap", "false"), ("seam.zip", "false")];
+    [("garment.rest_scale", "1"), ("solver.steps_per_frame", "8"), ("seam.keep_gap", "false"), ("seam.zip", "false")];
 
 /// The preset of the solver, and its word in scenes of earlier programs that did not say one. What it stands for is written out
 /// beside it, so that the word itself decides nothing.
