@@ -81,8 +81,8 @@ impl BeltShape {
         Ok(self.band(&outline))
     }
 
-    /// Points, in the plane across the axis, of the piece that a plane at a height cuts out of the body around the axis, or nearest
-    /// to it.
+    /// Points, in the plane across the axis, of the piece that a plane at a height cuts out of the body around the axis; none if
+    /// the axis is outside.
     fn section(&self, body: &PolygonMesh, triangles: &[[u32; 3]], height: f64) -> Vec<[f64; 2]> {
         let [u, v] = self.across();
         let above = |p: u32| self.axis.dot(&(body.points[p as usize] - self.at)) - height;
@@ -111,21 +111,19 @@ impl BeltShape {
         let piece_of = pieces(places.len(), &segments);
         let mut pieces: BTreeMap<usize, Vec<[usize; 2]>> = BTreeMap::new();
         segments.iter().for_each(|segment| pieces.entry(piece_of[segment[0]]).or_default().push(*segment));
-        let encloses = |segments: &Vec<[usize; 2]>| {
+        let encloses = |segments: &&Vec<[usize; 2]>| {
             let crossed = segments.iter().filter(|ends| {
                 let [[x, y], [z, w]] = ends.map(|end| places[end]);
                 (y < 0.0) != (w < 0.0) && x + (z - x) * (y / (y - w)) > 0.0
             });
             crossed.count() % 2 == 1
         };
-        let nearest = |segments: &Vec<[usize; 2]>| {
+        let size = |segments: &&Vec<[usize; 2]>| {
             let distances = segments.iter().map(|ends| places[ends[0]].iter().map(|c| c * c).sum::<f64>());
-            distances.fold(f64::INFINITY, f64::min)
+            distances.fold(0.0, f64::max)
         };
-        let order = |a: &&Vec<[usize; 2]>, b: &&Vec<[usize; 2]>| {
-            encloses(b).cmp(&encloses(a)).then(nearest(a).total_cmp(&nearest(b)))
-        };
-        let chosen = pieces.values().min_by(order);
+        // Of pieces inside one another, as of a body with insides, the outermost.
+        let chosen = pieces.values().filter(encloses).max_by(|a, b| size(a).total_cmp(&size(b)));
         chosen.into_iter().flatten().flatten().map(|end| places[*end]).collect()
     }
 
@@ -386,9 +384,13 @@ mod tests {
     }
 
     #[test]
-    fn a_belt_that_runs_around_nothing_says_where_the_body_is() {
+    fn a_belt_around_a_point_outside_says_where_the_body_is() {
         let missed = BeltShape { at: Vec3::new(0.0, 1.5, 0.0), ..BELT }.around(&body()).unwrap_err();
-        assert_eq!(missed, "it does not run around the body, which is from -2.500 to -0.500 m along its axis");
+        assert_eq!(
+            missed,
+            "this point is not inside of the body, which is from -2.500 to -0.500 m along the axis from there"
+        );
+        BeltShape { at: Vec3::new(0.25, 0.3, 0.0), ..BELT }.around(&body()).expect_err("between the two tubes");
     }
 
     #[test]

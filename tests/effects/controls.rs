@@ -4,8 +4,8 @@ use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, RigidMotion,
-    SceneDescription, SeamDescription,
+    BodyShape, EffectRequest, ElasticDescription, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
+    RigidMotion, SceneDescription, SeamDescription,
 };
 use drapery_tests::{add_body, add_gravity, add_pins, scene_of, sheet, unit_ball};
 
@@ -21,6 +21,7 @@ pub(crate) const CONTROLS: &[(&str, Control)] = &[
     ("bending", hanging),
     ("dihedral_bending", creased),
     ("plastic_wrinkles", creased),
+    ("elastic_bands", gathered),
     ("wind", in_the_wind),
     ("ether_drag", in_a_medium),
     ("pressure", blown_up),
@@ -145,12 +146,21 @@ fn blown_up() -> SceneDescription {
     description
 }
 
+/// An elastic band gathers the lower edge of the hanging sheet.
+fn gathered() -> SceneDescription {
+    let mut description = hanging_with(EffectRequest::of_scene("elastic_bands"));
+    let band = ElasticDescription::new(0, (42..49).collect(), 5.0);
+    description.elastics.push(ElasticDescription { rest_scale: 0.6, ..band });
+    description
+}
+
 /// Two corners of the hanging sheet are drawn together.
 fn sewn() -> SceneDescription {
     let mut description = hanging_with(EffectRequest::of_scene("seams"));
     description.seams.push(SeamDescription {
         until: 0.2,
         rest_gap: Some(0.0),
+        break_force: Some(1e3),
         ..SeamDescription::new([0, 0], vec![[42, 48]], 50.0)
     });
     description

@@ -94,6 +94,7 @@ def test_the_plan_lists_the_curves(scene):
 @pytest.mark.parametrize(("old", "new", "message"), [
     ("[[3, 0.5], [7, 0]]", "[[3, 0.5], [3, 0]]", "frames of `friction` have to increase"),
     ("[[3, 0.5], [7, 0]]", "[[-9, 0.5], [-3, 0]]", "ends at frame -3, before the first frame"),
+    ("[[3, 0.5], [7, 0]]", "[[30, 0.5], [70, 0]]", "begins at frame 30, after the last frame of the shot, 9"),
     ("[[3, 0.5], [7, 0]]", "[[3, nan]]", "at frame 3"),
     ('[[1, "400 N/m"], [9, "60 N/m"]]', '[[1, "400 N"], [9, "60 N/m"]]', "at frame 1"),
 ])  # fmt: skip
@@ -191,6 +192,7 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     ('{ file = "none.abc", channel = "/a.rate" }', "none.abc"),
     ('{ channel = "/a.rate" }', "a channel needs `file`"),
     ('{ file = "control.abc", channel = "/a.rate", frames = 3 }', "unknown key `frames`"),
+    ('{ file = "control.abc", chanel = "/a.rate" }', "did you mean `channel`"),
 ])  # fmt: skip
 def test_channels_that_cannot_be_are_named(channel, message, tmp_path):
     usd_channels(tmp_path / "control.usda")
@@ -221,7 +223,7 @@ def test_maps_by_frame_are_straight_between_and_run_again_from_the_resolved_scen
     for new, message in (('[[1002, "file:dry.txt"], [1002, "file:wet.txt"]]', "frames of `ether_drag` have to increase"),
                          ('[[1002, "file:dry.txt"], [1006, 3]]', "has to be a name or a file"),
                          ('[[1002, "file:dry.txt"], [1006, "file:gone.txt"]]', "gone.txt"),
-                         ('[[9, "file:dry.txt"]]', "these maps end at frame 9"), ("[]", "has no keys")):  # fmt: skip
+                         ('[[9, "file:dry.txt"]]', "this list of maps ends at frame 9"), ("[]", "has no keys")):  # fmt: skip
         (tmp_path / "bad.toml").write_text(maps.replace(line, new))
         done = subprocess.run([DRAPERY, "check", str(tmp_path / "bad.toml")], capture_output=True, text=True, stdin=subprocess.DEVNULL)
         assert done.returncode in (BAD_SCENE, BAD_INPUT, MISSING_INPUT) and message in done.stderr, done

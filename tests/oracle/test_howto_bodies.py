@@ -153,7 +153,7 @@ def test_a_belt_follows_the_waist_at_its_gap_and_keeps_the_cloth_inside(belt_bod
 @pytest.mark.parametrize(("belt", "message"), [
     ('{ around = "mannekin", at = [0, 1, 0] }', 'there is no body "mannekin"'),
     ('{ around = "ball", at = [0, 1, 0] }', 'body "ball" is not from a file'),
-    ('{ around = "mannequin", at = [0, 9, 0] }', "it does not run around the body, which is from"),
+    ('{ around = "mannequin", at = [0, 9, 0] }', "this point is not inside of the body, which is from"),
     ('{ around = "mannequin", at = [0, 1, 0], axis = [0, 0, 0] }', "an axis of length zero has no direction"),
     ('{ around = "mannequin", at = [0, 1, 0], width = "4 kg" }', "unit `kg` does not fit here"),
 ])  # fmt: skip

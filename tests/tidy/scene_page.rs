@@ -49,7 +49,8 @@ files are relative to the folder of the scene file.
 
 ## Numbers over time
 
-A number of an effect, of a body or of a `[[contact]]` may be a curve: `[[frame, value], …]`, with frames that increase. Values are
+A number of an effect, a garment, an elastic band, a spring pin, a seam, a body or a `[[contact]]` may be a curve: `[[frame, value], …]`,
+with frames that increase, or a channel of an Alembic or USD file: `{ file = \"props.abc\", channel = \"/object.property\" }`. Values are
 numbers, texts with a unit, or lists of three where the key takes three. The value is straight between keys, and constant before
 the first and after the last. In the steps that lead to a frame it is the value of that frame.
 

@@ -12,6 +12,7 @@ use crate::error::IoError;
 use crate::formats;
 use crate::input_file;
 
+use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
 use super::tree::{Node, Sources, Table, Value};
 
@@ -30,7 +31,7 @@ const SCALE: &str = "scale";
 
 /// Whether a table names a channel.
 pub(super) fn is_channel(node: &Node) -> bool {
-    node.as_table().is_some_and(|table| table.get(CHANNEL).is_some())
+    node.as_table().is_some_and(|table| [FILE, CHANNEL].iter().any(|key| table.get(key).is_some()))
 }
 
 /// Reads the channel that a table names, in a scene of so many frames a second whose files are relative to `folder`.
@@ -43,7 +44,7 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
     let known = [FILE, CHANNEL, SCALE];
     if let Some(entry) = table.0.iter().find(|entry| !known.contains(&entry.key.as_str())) {
         let what = format!("unknown key `{}` in a channel; it has `file`, `channel` and `scale`", entry.key);
-        return Err(sources.error(&entry.key_place, what, form()));
+        return Err(sources.error(&entry.key_place, what, Some(suggestion(&entry.key, &known))));
     }
     let scale = match table.get(SCALE).map(|node| &node.value) {
         None => 1.0,

@@ -149,7 +149,7 @@ fn of_channel(
 ) -> Result<(NumberCurve, Value, PathBuf), SceneFileError> {
     let Channel { file, keys } = channels::read(node, sources, around)?;
     let wrong = |what: String| {
-        let help = format!("correct it in {}, or write a `scale` that brings it into the range", file.display());
+        let help = format!("correct it in {}, or name another channel or `scale`", file.display());
         sources.error(&node.place, what, Some(help))
     };
     let mut checked = NumberCurve::new();
@@ -182,8 +182,13 @@ fn keys(field: &Field, node: &Node, sources: &Sources) -> Result<(NumberCurve, V
     for (frame, value) in frames(field.name, &form, node, sources)? {
         let checked =
             fields::setting(&value.value).ok_or_else(|| field.expected()).and_then(|value| field.check(&value));
-        let wrong =
-            |what| sources.error(&value.place, format!("at frame {frame}: {what}"), Some(format!("write {form}")));
+        let wrong = |what| {
+            sources.error(
+                &value.place,
+                format!("at frame {frame}: {what}"),
+                Some("correct the value of this key".to_owned()),
+            )
+        };
         keys.push((frame, checked.map_err(wrong)?));
         first.get_or_insert_with(|| value.value.clone());
     }

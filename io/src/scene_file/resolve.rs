@@ -107,7 +107,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
     resolver.contacts();
-    resolver.effects();
+    resolver.effects(last);
     resolver.output();
     let check = resolver.check_description();
     if !resolver.errors.is_empty() {
@@ -364,7 +364,7 @@ impl Resolver<'_> {
     }
 
     /// Requests of the tables, and those that bodies and pins imply.
-    fn effects(&mut self) {
+    fn effects(&mut self, last_frame: i64) {
         let mut requests = effects::requests(&self.scene.root);
         for input in INPUTS.iter().filter(|input| input.asks.is_some_and(|asks| asks(&self.description))) {
             let because = (input.because)(&self.description);
@@ -376,33 +376,44 @@ impl Resolver<'_> {
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
-        self.curves();
+        self.curves(last_frame);
         self.choose_effects();
     }
 
-    /// Hands the curves to the description. One that ends before the shot starts would never change its number.
-    fn curves(&mut self) {
-        let start = self.description.timeline.start;
+    /// Hands the curves to the description. One whose keys all lie before the shot, or all behind it, would never change its number.
+    fn curves(&mut self, last_frame: i64) {
+        let frames = [self.description.timeline.start, last_frame];
         for curves::Curve { path, number, keys, file, .. } in &self.scene.curves {
             file.iter().for_each(|file| self.takes(file.clone()));
-            // What never changes in a file holds for the whole shot.
-            if keys.len() == 1 && file.is_some() {
-                self.description.curves.insert(number.clone(), keys.clone());
-                continue;
-            }
-            if let Some((last, _)) = keys.last().filter(|(last, _)| *last < start as f64) {
-                let what =
-                    format!("this curve ends at frame {last}, before the first frame that is simulated, {start}");
-                self.error_with(path, what, "write keys within the shot, or one number".to_owned());
+            // A property that never changes in its file holds for the whole shot.
+            if !(keys.len() == 1 && file.is_some()) {
+                self.within_the_shot(path, "this curve", keys.iter().map(|(frame, _)| *frame), frames);
             }
             self.description.curves.insert(number.clone(), keys.clone());
         }
         for curves::MapKeys { path, keys, .. } in &self.scene.map_curves {
-            if let Some((last, _)) = keys.last().filter(|(last, _)| *last < start as f64) {
-                let what = format!("these maps end at frame {last}, before the first frame that is simulated, {start}");
-                self.error_with(path, what, "write keys within the shot, or one map".to_owned());
-            }
+            self.within_the_shot(path, "this list of maps", keys.iter().map(|(frame, _)| *frame), frames);
         }
+    }
+
+    /// Refuses keys of which none can change anything from the first to the last frame.
+    fn within_the_shot(
+        &mut self,
+        path: &Path,
+        what: &str,
+        mut keys: impl DoubleEndedIterator<Item = f64>,
+        [start, last]: [i64; 2],
+    ) {
+        let Some(end) = keys.next_back() else { return };
+        let begin = keys.next().unwrap_or(end);
+        let text = if end < start as f64 {
+            format!("{what} ends at frame {end}, before the first frame that is simulated, {start}")
+        } else if begin > last as f64 {
+            format!("{what} begins at frame {begin}, after the last frame of the shot, {last}")
+        } else {
+            return;
+        };
+        self.error_with(path, text, "write keys within the shot, or one value".to_owned());
     }
 
     /// Does without what `[effects]` leaves out.

@@ -39,8 +39,8 @@ pub fn schema() -> String {
     }
     if let Some(definitions) = schema.get_mut("$defs").and_then(Value::as_object_mut) {
         let key = json!({ "type": "array", "minItems": 2, "maxItems": 2 });
-        let description = "A number over time: [[frame, value], …].";
-        let curve = json!({ "title": CURVE, "description": description, "type": "array", "items": key });
+        let description = "A number over time: [[frame, value], …], or a channel of an Alembic or USD file: { file, channel, scale }.";
+        let curve = json!({ "title": CURVE, "description": description, "type": ["array", "object"], "items": key });
         definitions.insert(CURVE.to_owned(), curve);
     }
     if let Some(maps) = schema.pointer_mut("/$defs/Maps/properties").and_then(Value::as_object_mut) {

@@ -137,7 +137,13 @@ impl Resolver<'_> {
         let garment = self.seam_garment(side, path)?;
         let named = named(side);
         if named.ways() != 1 {
-            self.error(path, "a side of a seam needs exactly one of `vertices`, `corners`, `nodes` and `where`");
+            let help =
+                "name the vertices; with `pairing = \"surface\"` the side `to` names its garment alone".to_owned();
+            self.error_with(
+                path,
+                "a side of a seam needs exactly one of `vertices`, `corners`, `nodes` and `where`",
+                help,
+            );
             return None;
         }
         let description = &self.description.garments[garment];
