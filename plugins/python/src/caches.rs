@@ -137,7 +137,10 @@ impl Cache {
         // Where parents turn a mesh of another program, its normals are not those of the world.
         let shifted = cache.samples.shifted(mesh, sample).map_err(raised)?;
         if let (Some(normals), Some(_)) = (stored.normals, &shifted) {
-            let normals = held.split_normals.as_ref().map_or(normals, |split| split.at_corners(&normals));
+            let normals = match &held.split_normals {
+                Some(split) => split.at_corners(&normals),
+                None => normals,
+            };
             let turned = |v: [f32; 3]| units.to_si(Vec3::from(v.map(f64::from))) / units.metres;
             all.set_item("normals", arrays::vectors(py, normals.into_iter().map(turned).collect())?)?;
         }
