@@ -490,7 +490,7 @@ impl<'a> Run<'a> {
             metrics: self.totals.metrics,
             seconds: self.totals.seconds,
             frames,
-            files: self.output.files(),
+            files: self.output.files().into_iter().chain(belts::files(&self.shot, &self.options.out)).collect(),
             layers: self.output.layer_files(),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
