@@ -125,6 +125,10 @@ def steps():
     photograph("nothing_marked")
     choose(body)
     press("object", "drapery_mark", role="BODY")
+    press("object", "drapery_belt_add")
+    yield
+    photograph("belt")
+    press("object", "drapery_remove", rows="belts", index=0)
     choose(skirt)
     press("object", "drapery_mark", role="GARMENT")
     press("object", "drapery_pin_add")
@@ -132,6 +136,8 @@ def steps():
     press("object", "drapery_remove", rows="pins", index=1)
     press("object", "drapery_map_add")
     press("object", "drapery_remove", rows="maps", index=0)
+    press("object", "drapery_elastic_add")
+    press("object", "drapery_remove", rows="elastics", index=0)
     press("object", "drapery_contact_add")
     skirt.drapery.contacts[0].other, skirt.drapery.contacts[0].own_friction = body, True
     skirt.drapery.contacts[0].friction = 0.35

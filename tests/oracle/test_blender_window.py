@@ -46,7 +46,7 @@ def test_what_can_be_pressed_does_its_work(seen):
     first = answer["presses"].pop(0)
     assert first[:3] == ["scene.drapery_check", True, ["CANCELLED"]]
     assert any("No object is marked as a garment" in message for message in first[3])
-    for button in ("mark", "pin_add", "seam_add", "map_add", "contact_add", "remove", "check", "plan", "write", "simulate", "show", "cancel", "continue", "preview",
+    for button in ("mark", "pin_add", "seam_add", "map_add", "contact_add", "elastic_add", "belt_add", "remove", "check", "plan", "write", "simulate", "show", "cancel", "continue", "preview",
                    "dismiss"):
         assert all(allowed and result == ["FINISHED"] for allowed, result, _, _ in presses(answer, button)), button
     assert answer["waited"][0] is False and answer["waited"][1] != []
