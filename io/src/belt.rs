@@ -74,7 +74,7 @@ impl BeltShape {
             let along = body.points.iter().map(|point| self.axis.dot(&(point - self.at)));
             let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(h), b.max(h)));
             return Err(format!(
-                "it does not run around the body, which is from {low:.3} to {high:.3} m along its axis"
+                "this point is not inside of the body, which is from {low:.3} to {high:.3} m along the axis from there"
             ));
         }
         let outline = self.resampled(&offset_outline(&hull));

@@ -160,7 +160,7 @@ fn sewn() -> SceneDescription {
     description.seams.push(SeamDescription {
         until: 0.2,
         rest_gap: Some(0.0),
-        break_force: Some(1e3),
+        break_force: Some(0.05),
         ..SeamDescription::new([0, 0], vec![[42, 48]], 50.0)
     });
     description
