@@ -199,15 +199,15 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
             SewnTo::Vertex(other) => {
                 let other = local(other)?;
                 let [p, q] = [vertex, other].map(mass);
-                let together = p * q / (p + q);
-                add(parts, &mut pairs, seam, (sewn, closing), [vertex, other], [-1.0, 1.0], together);
+                let on_spring = seam.stiffness * p * q / (p + q);
+                add(parts, &mut pairs, seam, (sewn, closing), [vertex, other], [-1.0, 1.0], on_spring);
             }
             SewnTo::Face { corners: [a, b, c], weights: [u, v, w] } => {
                 let corners = [local(a)?, local(b)?, local(c)?];
                 let moved = |(corner, weight): (usize, f64)| weight * weight / mass(corner);
                 let inverse = corners.into_iter().zip([u, v, w]).map(moved).sum::<f64>() + 1.0 / mass(vertex);
-                let ([a, b, c], together) = (corners, 1.0 / inverse);
-                add(parts, &mut on_faces, seam, (sewn, closing), [vertex, a, b, c], [-1.0, u, v, w], together);
+                let ([a, b, c], on_spring) = (corners, seam.stiffness / inverse);
+                add(parts, &mut on_faces, seam, (sewn, closing), [vertex, a, b, c], [-1.0, u, v, w], on_spring);
             }
         }
     }
@@ -217,7 +217,8 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     Ok(effect)
 }
 
-/// Adds a stitch at each of its own vertices, each with its part; `together` is the mass that moves against its spring [kg].
+/// Adds a stitch at each of its own vertices, each with its part; `on_spring` is the mass that moves against its spring times its
+/// stiffness [kg N/m].
 fn add<const N: usize>(
     parts: &Parts,
     entries: &mut Vec<(usize, Stitch<N>)>,
@@ -225,9 +226,9 @@ fn add<const N: usize>(
     (sewn, closing): (&Sewn, Closing),
     vertices: [usize; N],
     weights: [f64; N],
-    together: f64,
+    on_spring: f64,
 ) {
-    let damping = 2.0 * seam.damping_ratio * (seam.stiffness * together).sqrt();
+    let damping = 2.0 * seam.damping_ratio * on_spring.sqrt();
     for (vertex, weight) in vertices.into_iter().zip(weights).filter(|(vertex, _)| parts.own().contains(vertex)) {
         let part = parts.part_of(vertex);
         let stitch = Stitch {
