@@ -127,7 +127,7 @@ impl BeltShape {
         chosen.into_iter().flatten().flatten().map(|end| places[*end]).collect()
     }
 
-    /// As many points of an outline as the belt has along its length, at even distances.
+    /// Points of an outline at even distances, one for each along the length of the belt.
     fn resampled(&self, outline: &[Outline]) -> Vec<Outline> {
         let points: Vec<[f64; 2]> = outline.iter().map(|point| point.at(self.gap)).collect();
         let lengths: Vec<f64> =
