@@ -44,7 +44,7 @@ use crate::snapshot::elements::ElementRows;
 use crate::snapshot::saved_section::SectionId;
 
 /// Stitches that are broken.
-pub(crate) const SECTION: SectionId = SectionId { name: "seams", version: 1 };
+const SECTION: SectionId = SectionId { name: "seams", version: 1 };
 
 /// Registry entry.
 pub(crate) static SPEC: EffectSpec = EffectSpec {
@@ -211,7 +211,8 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
             }
         }
     }
-    let mut effect = Effect { notes: notes(seams, &closings), ..Effect::default() };
+    let breaks = scene.description().seams_can_break().then_some(SECTION);
+    let mut effect = Effect { notes: notes(seams, &closings), breaks, ..Effect::default() };
     put(parts, pairs, &mut effect);
     put(parts, on_faces, &mut effect);
     Ok(effect)

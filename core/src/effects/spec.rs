@@ -221,6 +221,8 @@ pub struct Effect {
     pub(crate) sees_velocities: bool,
     /// The section with what forces remember of elements that have yielded.
     pub(crate) yields: Option<SectionId>,
+    /// The section with elements that have broken, if any can break.
+    pub(crate) breaks: Option<SectionId>,
     /// Number of elements that the rank owns, of the kind that the registry names.
     pub(crate) elements: usize,
     /// Memory held [bytes].

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use super::{FrameInput, Simulation};
 use crate::Vec3;
-use crate::effects::seams;
 use crate::error::Problems;
 use crate::scene::Scene;
 use crate::snapshot::elements::{ElementRows, renumbered};
@@ -218,9 +217,7 @@ impl Simulation {
 
     /// Broken stitches with an own vertex, by vertices of the scene; nothing where none can break.
     fn save_seams(&self) -> Option<SavedSection> {
-        if !self.scene.description().seams_can_break() {
-            return None;
-        }
+        let section = SavedSection::new(self.breaks?);
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new());
         for force in self.dynamics.forces.iter().flatten().filter_map(|force| force.breakable()) {
             force.visit_broken(&mut |element| {
@@ -228,7 +225,7 @@ impl Simulation {
             });
         }
         let rows = renumbered(rows, |vertex| Some(parts.number(vertex as usize)));
-        Some(SavedSection::new(seams::SECTION).with(BROKEN, Field::elements(&rows)))
+        Some(section.with(BROKEN, Field::elements(&rows)))
     }
 
     fn restore_seams(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {

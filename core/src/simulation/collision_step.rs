@@ -146,7 +146,7 @@ impl Simulation {
 
     /// Opens stitches that are pulled too hard.
     fn break_seams(&mut self) {
-        if !self.scene.description().seams_can_break() {
+        if self.breaks.is_none() {
             return;
         }
         let State { x, time, .. } = &self.cloth.state;

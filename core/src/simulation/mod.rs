@@ -247,6 +247,8 @@ pub struct Simulation {
     limit: StepLimit,
     /// Section with what has yielded in the cloth, where it can.
     yields: Option<SectionId>,
+    /// Section of elements that have broken, if any can break.
+    breaks: Option<SectionId>,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
     /// Crossings of the state at the last frame.
@@ -310,7 +312,8 @@ impl Simulation {
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
         let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
-        let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
+        let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
+        let (mut yields, mut breaks) = (None, None);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
@@ -321,6 +324,7 @@ impl Simulation {
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
             yields = yields.or(effect.yields);
+            breaks = breaks.or(effect.breaks);
             sees_velocities |= effect.sees_velocities;
             volumes.0.extend(effect.volume);
             plan.push(planned);
@@ -360,6 +364,7 @@ impl Simulation {
             contacts,
             limit,
             yields,
+            breaks,
             metrics: Metrics::default(),
             scene,
             plan,
