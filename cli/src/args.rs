@@ -401,13 +401,16 @@ pub(crate) struct SelftestArgs {
     /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
     #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick")]
     pub(crate) hard: Option<HardTier>,
+    /// Garments that start crossed and have to come free within 48 frames, each drawn by a seed
+    #[arg(long, conflicts_with_all = ["hard", "cases"])]
+    pub(crate) tangles: bool,
     /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities, six mountings
     /// each
-    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present_any = ["hard", "bits"], conflicts_with = "hard")]
+    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present_any = ["hard", "tangles", "bits"], conflicts_with_all = ["hard", "tangles"])]
     pub(crate) drape: Option<Vec<String>>,
     /// Compare the bits of this scene on one rank and on the numbers of --ranks, after every line of every step; print the
     /// first line that differs
-    #[arg(long, value_name = "SCENE", conflicts_with_all = ["hard", "drape", "integrator", "cases", "seeds", "json"])]
+    #[arg(long, value_name = "SCENE", conflicts_with_all = ["hard", "tangles", "drape", "integrator", "cases", "seeds", "json"])]
     pub(crate) bits: Option<PathBuf>,
     /// Numbers of ranks to compare, with threads per rank as in 3x2
     #[arg(long, value_name = "N", value_delimiter = ',', requires = "bits", default_value = "2,3,4,7,2x2")]
@@ -418,13 +421,13 @@ pub(crate) struct SelftestArgs {
     /// Set a parameter or any key of the scene, as for `run`; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting, requires = "bits")]
     pub(crate) settings: Vec<(String, String)>,
-    /// Integrator of the scenes of the hard cases
+    /// Integrator of the scenes of the hard cases and tangles
     #[arg(long, value_parser = integrators(), value_name = "WORD", default_value = Integrator::WORDS[0].name, conflicts_with = "drape")]
     pub(crate) integrator: Integrator,
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,
-    /// Only the combinations of three cases that these seeds draw, for example 17 or 0-199
+    /// Only the combinations of three cases, or the tangles, that these seeds draw, for example 17 or 0-199
     #[arg(long = "seed", value_name = "A-B", value_parser = parse_seeds, conflicts_with = "cases")]
     pub(crate) seeds: Option<SeedRange>,
     /// Print JSON

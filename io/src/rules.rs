@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 19] = [
+pub static RULES: [Rule; 21] = [
     Rule {
         name: "no_gravity",
         finds: "a scene without gravity",
@@ -123,6 +123,21 @@ pub static RULES: [Rule; 19] = [
                   start never increase. They are resolved once the solver knows a direction out; until then they \
                   remain visible.",
         line: "start = \"coat.abc@990\"",
+    },
+    Rule {
+        name: "start_inside",
+        finds: "garments that are partly inside a body at the start",
+        exactly: "Free vertices of garments that collide with the body are tested. The body draws them out at the start. A garment \
+                  with more vertices inside than outside, or deeper than ten edges, is refused.",
+        line: "start = \"coat.abc@990\"",
+    },
+    Rule {
+        name: "start_layers",
+        finds: "garments that lie the other way round at the start than their `layer`s say",
+        exactly: "Points of one garment within half an edge of a face of another with a smaller `layer` have to be on the side to which \
+                  its normals point. The rule fires if more of them are on the other side: the layers are swapped, or the faces of \
+                  a garment look inwards.",
+        line: "layer = 2",
     },
     Rule {
         name: "start_lengths",

@@ -8,6 +8,7 @@ mod running;
 mod stiffness;
 
 use crate::case::Case;
+pub(crate) use contact::add_mesh_body;
 
 /// All hard cases.
 pub static CATALOGUE: &[Case] = &[

@@ -29,6 +29,7 @@ pub mod files;
 pub mod report;
 pub mod scenes;
 pub mod suite;
+pub mod tangles;
 pub mod tier;
 
 pub use cases::CATALOGUE;

@@ -6,6 +6,7 @@ use std::time::Instant;
 use crate::bench::{Bench, Conditions};
 use crate::case::{Case, Figure};
 use crate::combine;
+use crate::tangles;
 
 /// Outcome of a case.
 #[derive(Debug, Clone)]
@@ -43,6 +44,13 @@ pub fn judge_combination(seed: u64, conditions: Conditions<'_>) -> Verdict {
     let (id, title) = (format!("seed {seed}"), combine::title(seed));
     let must = "what holds for every case holds for the three together";
     measured([&id, &title, must], conditions, |bench| combine::judge(bench, seed))
+}
+
+/// Runs the tangle of a seed.
+pub fn judge_tangle(seed: u64, conditions: Conditions<'_>) -> Verdict {
+    let id = format!("tangle {seed}");
+    let must = "it comes free, with garments in the order of their layers";
+    measured([&id, tangles::title(seed), must], conditions, |bench| tangles::judge(bench, seed))
 }
 
 /// Runs what judges. A panic is one of the ways to fail.

@@ -21,6 +21,7 @@ impl GarmentDescription {
             mass: Mass::Density(density),
             thickness: DEFAULT_THICKNESS,
             rest_scale: 1.0,
+            layer: None,
             maps: PaintedMaps::new(),
             map_curves: MapCurves::new(),
         }

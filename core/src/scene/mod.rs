@@ -159,6 +159,9 @@ pub struct GarmentDescription {
     pub thickness: f64,
     /// Lengths at rest over those of the rest shape; the mass is that of the rest shape.
     pub rest_scale: f64,
+    /// Place in the order in which garments are worn: the larger is outside, which is where the faces' normals point. It decides
+    /// to which side cloth that starts crossed is drawn.
+    pub layer: Option<u32>,
     /// Quantities that differ among the vertices.
     pub maps: PaintedMaps,
     /// Maps that change over time, in the place of those of the same names in `maps`.

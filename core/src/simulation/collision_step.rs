@@ -29,7 +29,7 @@ const CG_TOLERANCE: f64 = 1e-2;
 
 /// Outcome of a collision step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ended {
+pub(super) enum Ended {
     /// At a later collision-free state.
     Accepted,
     /// Return to its start: C gave the state back.
@@ -55,7 +55,7 @@ impl Simulation {
     }
 
     /// One collision step towards `end` [s].
-    fn collision_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Ended, StepError> {
+    pub(super) fn collision_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Ended, StepError> {
         self.keep_collision_free_state(); // A
         let steps = self.find_close_pairs(); // A
         self.show("A");

@@ -43,6 +43,7 @@ mod recovery;
 mod start;
 mod start_state;
 mod touch;
+mod untangling;
 
 pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
@@ -56,8 +57,8 @@ pub use overstretched::Overstretched;
 pub use pins_in_bodies::PinInBody;
 pub use recovery::Recovery;
 use recovery::RetryState;
-use start::{first_tracks, start_outside};
-pub use start_state::{StartCrossings, StartLengths};
+use start::{find_inside, first_tracks};
+pub use start_state::{StartCrossings, StartInside, StartLayers, StartLengths};
 
 /// Input of one frame: the caller pushes it, the solver asks for nothing.
 ///
@@ -263,6 +264,8 @@ pub struct Simulation {
     lowered: Vec<LoweredThickness>,
     /// Objects that cross at the start, and garments with edges that are far from their length at rest there.
     start_crossings: Vec<StartCrossings>,
+    start_inside: Vec<StartInside>,
+    start_layers: Vec<StartLayers>,
     start_lengths: Vec<StartLengths>,
     /// Observer of the cloth after lines of the listings.
     observer: Option<Observer>,
@@ -274,12 +277,12 @@ impl Simulation {
     /// `start` holds one sample per deforming body and track, at the start time.
     ///
     /// # Errors
-    /// All problems of the effects' settings, of the first samples, and of vertices that start inside a body.
+    /// All problems of the effects' settings, of the first samples, and of garments that start inside a body for the larger part.
     pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
         let mut simulation = Self::build(Arc::new(scene), start)?;
         if simulation.contacts.bodies.is_some() {
             let Self { scene, cloth, prescribed, .. } = &simulation;
-            start_outside(scene, &cloth.state, &prescribed.bodies, prescribed.pins.as_ref())?;
+            simulation.start_inside = find_inside(scene, &cloth.state, &prescribed.bodies, prescribed.pins.as_ref())?;
         }
         simulation.warn_of_far_bound();
         simulation.pins_take_hold();
@@ -375,6 +378,8 @@ impl Simulation {
             warnings: Vec::new(),
             lowered,
             start_crossings: Vec::new(),
+            start_inside: Vec::new(),
+            start_layers: Vec::new(),
             start_lengths: Vec::new(),
             observer: None,
         })
@@ -526,6 +531,7 @@ impl Simulation {
             }
             // New samples leave the bodies at their times; self-contact starts from where they are now.
             self.prescribed.bodies.set_step(self.cloth.state.time, self.cloth.state.time);
+            self.untangle(from, &mut summary);
             let mut pause = |time| time < to && pause(time);
             let is_output = stop < to && input.output_times.contains(&stop);
             if self.run_until(stop, &mut summary, &mut pause)? || is_output {

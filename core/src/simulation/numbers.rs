@@ -90,6 +90,8 @@ impl Simulation {
         std::mem::swap(&mut built.crossings, &mut self.crossings);
         std::mem::swap(&mut built.warnings, &mut self.warnings);
         std::mem::swap(&mut built.start_crossings, &mut self.start_crossings);
+        std::mem::swap(&mut built.start_inside, &mut self.start_inside);
+        std::mem::swap(&mut built.start_layers, &mut self.start_layers);
         std::mem::swap(&mut built.start_lengths, &mut self.start_lengths);
         *self = built;
         Ok(())

@@ -6,7 +6,7 @@ use crate::error::{Problem, Problems};
 use crate::parallel::problems::agree;
 use crate::pins::HardPins;
 use crate::scene::{BodyShape, ContactSide, PinTarget, Scene};
-use crate::simulation::FrameInput;
+use crate::simulation::{FrameInput, StartInside};
 use crate::state::State;
 
 /// The first sample of every track.
@@ -53,34 +53,39 @@ pub(super) fn depth_inside(scene: &Scene, bodies: &Bodies, body: usize, x: &Vec3
     }
 }
 
-/// Refuses garments whose free vertices start inside a body; names the deepest of each.
-pub(super) fn start_outside(
+/// Finds garments of which some free vertices start inside a body, which draws them out.
+///
+/// # Errors
+/// Garments with more free vertices inside than outside, or too deep for a way out to be known; the deepest of each is named.
+pub(super) fn find_inside(
     scene: &Scene,
     state: &State,
     bodies: &Bodies,
     pins: Option<&HardPins>,
-) -> Result<(), Problems> {
+) -> Result<Vec<StartInside>, Problems> {
     let mut held = vec![false; state.x.len()];
     pins.into_iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = true);
     scene.isolated().unwrap_or_default().iter().for_each(|vertex| held[*vertex as usize] = true);
     let description = scene.description();
-    let mut problems = Vec::new();
+    let (mut found, mut problems) = (Vec::new(), Vec::new());
     for (g, garment) in description.garments.iter().enumerate() {
         let ignores = |b: usize| description.ignores(ContactSide::Garment(g), ContactSide::Body(b));
         for (b, body) in description.bodies.iter().enumerate().filter(|(b, _)| !ignores(*b)) {
-            let inside: Vec<(f64, usize)> = scene
-                .parts()
-                .own_of_garment(g)
-                .filter(|vertex| !held[*vertex])
-                .filter_map(|vertex| Some((depth_inside(scene, bodies, b, &state.x[vertex])?, vertex)))
-                .collect();
+            let free = || scene.parts().own_of_garment(g).filter(|vertex| !held[*vertex]);
+            let inside: Vec<(f64, usize)> =
+                free().filter_map(|vertex| Some((depth_inside(scene, bodies, b, &state.x[vertex])?, vertex))).collect();
             // Among equal depths the first vertex.
             let deepest = inside.iter().copied().min_by(|a, b| b.0.total_cmp(&a.0));
             let deepest = deepest.map(|(depth, vertex)| (depth, scene.parts().own_vertex(vertex).1));
             let ranks = scene.parts().ranks();
-            let [count] = ranks.sum_of([inside.len() as u64]);
+            let [count, all_free] = ranks.sum_of([inside.len(), free().count()].map(|count| count as u64));
             let all = ranks.all_gather_encoded("deepest vertices", deepest.into_iter().collect());
             let Some((deepest, own)) = all.into_iter().min_by(|a, b| b.0.total_cmp(&a.0)) else { continue };
+            if 2 * count <= all_free && deepest < depth_reach(scene) {
+                let (garment, body) = (garment.name.clone(), body.name.clone());
+                found.push(StartInside { garment, body, vertices: count, deepest: (deepest, own as u32) });
+                continue;
+            }
             let is_surface = matches!(body.shape, BodyShape::Surface { .. });
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),
@@ -99,5 +104,5 @@ pub(super) fn start_outside(
             ));
         }
     }
-    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
+    if problems.is_empty() { Ok(found) } else { Err(Problems(problems)) }
 }

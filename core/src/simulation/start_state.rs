@@ -1,9 +1,10 @@
-//! Suspicious conditions of the cloth at the start, known when a simulation starts: crossings there, and edges that
+//! Suspicious conditions of the cloth at the start, known when a simulation starts: crossings there, vertices inside bodies, and edges that
 //! are far from their length at rest.
 
 use std::collections::BTreeMap;
 
 use super::Simulation;
+use crate::contact::self_contact::layers::layer_sides;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::message::codec;
 use crate::scene::BodyShape;
@@ -20,6 +21,32 @@ pub struct StartCrossings {
     pub edge: [u32; 2],
     /// Vertices of the triangle, each by its number in its object.
     pub triangle: [u32; 3],
+}
+
+/// A garment that is partly inside a body at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartInside {
+    /// Name of the garment.
+    pub garment: String,
+    /// Name of the body.
+    pub body: String,
+    /// Number of its free vertices inside.
+    pub vertices: u64,
+    /// Depth of the deepest [m], and its number in the garment's own order.
+    pub deepest: (f64, u32),
+}
+
+/// Two garments that lie the other way round at the start than their layers say.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StartLayers {
+    /// Name of the garment with the larger layer.
+    pub outer: String,
+    /// Name of the other one.
+    pub inner: String,
+    /// Points close to a face of the other one, on the side that the layers say.
+    pub right: u64,
+    /// Points on the other side, which are more.
+    pub wrong: u64,
 }
 
 /// A garment of which some edges are far from their length at rest at the start.
@@ -52,6 +79,16 @@ impl Simulation {
         &self.start_crossings
     }
 
+    /// Garments that are partly inside a body at the start.
+    pub fn start_inside(&self) -> &[StartInside] {
+        &self.start_inside
+    }
+
+    /// Garments that lie the other way round at the start than their layers say.
+    pub fn start_layers(&self) -> &[StartLayers] {
+        &self.start_layers
+    }
+
     /// Garments of which edges are far from their length at rest at the start.
     pub fn start_lengths(&self) -> &[StartLengths] {
         &self.start_lengths
@@ -60,6 +97,7 @@ impl Simulation {
     /// Notes both. All ranks call it together, when the cloth and what crosses are known.
     pub(super) fn look_at_start(&mut self) {
         self.start_crossings = self.crossings_of_objects();
+        self.start_layers = self.wrong_layers();
         self.start_lengths =
             (0..self.scene.meshes().len()).filter_map(|garment| self.lengths_of_garment(garment)).collect();
     }
@@ -92,6 +130,18 @@ impl Simulation {
             triangle: triangle.map(in_object),
         };
         found.into_values().map(of_objects).collect()
+    }
+
+    fn wrong_layers(&self) -> Vec<StartLayers> {
+        let sides = layer_sides(&self.scene, &self.cloth.state.x, &self.prescribed.bodies).into_iter();
+        let names = |[outer, inner]: [usize; 2]| {
+            [outer, inner].map(|garment| self.scene.description().garments[garment].name.clone())
+        };
+        let of_pair = |(garments, [right, wrong]): ([usize; 2], [u64; 2])| {
+            let [outer, inner] = names(garments);
+            StartLayers { outer, inner, right, wrong }
+        };
+        sides.filter(|(_, [right, wrong])| wrong > right).map(of_pair).collect()
     }
 
     /// The object of a node by its number of the scene, garments first, then deforming bodies; and its number among the nodes of

@@ -133,6 +133,7 @@ impl Resolver<'_> {
             mass,
             thickness,
             rest_scale,
+            layer: garment.layer,
             maps,
             map_curves,
         };

@@ -113,6 +113,8 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("start_speed", Look::Facts(start_speed::find)),
     ("density", Look::Facts(density::find)),
     ("start_crossed", Look::Simulation(start_state::find_crossings)),
+    ("start_inside", Look::Simulation(start_state::find_inside)),
+    ("start_layers", Look::Simulation(start_state::find_layers)),
     ("start_lengths", Look::Simulation(start_state::find_lengths)),
     ("idle_setting", Look::Facts(idle_setting::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),

@@ -22,7 +22,7 @@ pub(super) fn upright(cells: usize, dx: f64) -> GarmentDescription {
 }
 
 /// Adds a body of these triangles; `place` gives its points at a time [s]. Returns what the frames need.
-pub(super) fn add_mesh_body<'a>(
+pub(crate) fn add_mesh_body<'a>(
     description: &mut SceneDescription,
     triangles: Vec<[u32; 3]>,
     place: impl Fn(f64) -> Vec<Vec3> + Sync + 'a,

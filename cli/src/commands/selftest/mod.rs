@@ -10,6 +10,9 @@ use crate::failure::Failure;
 
 /// Runs the tests that are asked for.
 pub(crate) fn selftest(args: &SelftestArgs) -> Result<ExitCode, Failure> {
+    if args.tangles {
+        return hard::run_tangles(args);
+    }
     match (args.hard, &args.drape, &args.bits) {
         (Some(tier), ..) => hard::run(args, tier),
         (None, Some(materials), _) => drape::run(materials, args.json),

@@ -1,4 +1,5 @@
 //! Unwanted intersections: found with exact arithmetic, left alone by contact, and pushed apart.
 
 pub(crate) mod exact;
+pub(crate) mod tangle;
 pub(crate) mod untangle;

@@ -22,6 +22,12 @@ use contours::along_lines;
 /// Edge lengths per second at which cloth that crosses cloth is pushed apart [1/s].
 const PUSH_RATE: f64 = 10.0;
 
+/// The same where the wearing order says to which side [1/s].
+const DRAW_RATE: f64 = 40.0;
+
+/// Rings of triangles around it that are drawn along: without them cloth that hangs on the far side would hold it back.
+const RINGS_DRAWN: usize = 8;
+
 /// The same for cloth that crosses a body: it was pinched, and has to be out soon after the body lets go [1/s].
 const RELEASE_RATE: f64 = 60.0;
 
@@ -50,11 +56,23 @@ pub(crate) fn push_apart(
     let (cloth, others): (Vec<Crossing>, Vec<Crossing>) = crossings.iter().partition(|c| surface.is_cloth(c));
     let place = |crossing: &Crossing| Place::new(&known, crossing);
     let places: Vec<Option<Place>> = cloth.iter().map(place).collect();
-    let mut pushes: Vec<(Push, f64)> = Vec::new();
+    let (mut draws, mut pushes): (Vec<(Push, f64)>, Vec<(Push, f64)>) = Default::default();
     let speed = |crossing: &Crossing, rate: f64| rate * known.edges[&crossing.edge].length;
     for ((crossing, place), along) in cloth.iter().zip(&places).zip(along_lines(&known, &cloth, &places)) {
         let Some(place) = place else { continue };
-        let Some(direction) = along.or_else(|| place.shortening()) else { continue };
+        if let Some(order) =
+            surface.wearing_order().and_then(|order| order.compare(crossing.edge[0], crossing.triangle[0]))
+        {
+            // The surface with a border in the line pierces the other one, and is drawn out along the normals of that.
+            if along.is_none_or(|on_line| on_line.is_drawn) {
+                let outwards = if order.is_gt() { place.normal } else { -place.normal };
+                draws.push((place.pushed(outwards), speed(crossing, DRAW_RATE)));
+            }
+            continue;
+        }
+        let Some(direction) = along.and_then(|on_line| on_line.direction).or_else(|| place.shortening()) else {
+            continue;
+        };
         pushes.push((place.pushed(direction), speed(crossing, PUSH_RATE)));
     }
     for crossing in &others {
@@ -62,9 +80,53 @@ pub(crate) fn push_apart(
         let Some(direction) = place.shortening() else { continue };
         pushes.push((place.pushed(direction), speed(crossing, RELEASE_RATE)));
     }
+    draws.iter().for_each(|(push, speed)| push.apply(&mut known, *speed));
+    if !draws.is_empty() {
+        draw_along(surface, &known, v);
+    }
     pushes.iter().for_each(|(push, speed)| push.apply(&mut known, *speed));
     for (number, point) in known.points.range(nodes.owned()) {
         v[(number - nodes.owned().start) as usize] = point.v;
+    }
+}
+
+/// Gives the cloth around what was drawn the same change of velocity, ring by ring of its triangles, each node the mean of those that
+/// draw it. `v` are the velocities of own vertices before [m/s].
+fn draw_along(surface: &ContactSurface, known: &Known, v: &mut [Vec3]) {
+    let nodes = surface.nodes();
+    let mut changes = vec![Vec3::zeros(); nodes.count()];
+    let mut drawn = vec![0_u8; nodes.count()];
+    for (number, point) in known.points.range(nodes.owned()) {
+        let change = point.v - v[(number - nodes.owned().start) as usize];
+        let node = nodes.local(*number).expect("own nodes are known") as usize;
+        (changes[node], drawn[node]) = (change, u8::from(change != Vec3::zeros()));
+    }
+    let first = nodes.own().start;
+    for _ in 0..RINGS_DRAWN {
+        nodes.update(&mut changes);
+        nodes.update(&mut drawn);
+        let mut means: BTreeMap<usize, (Vec3, f64)> = BTreeMap::new();
+        for corners in surface.cloth().triangles() {
+            let drawing = || corners.iter().map(|&node| node as usize).filter(|&node| drawn[node] != 0);
+            if drawing().next().is_none() {
+                continue;
+            }
+            let (sum, count) =
+                drawing().fold((Vec3::zeros(), 0.0), |(sum, count), node| (sum + changes[node], count + 1.0));
+            for node in corners
+                .iter()
+                .map(|&node| node as usize)
+                .filter(|&node| drawn[node] == 0 && nodes.own().contains(&node))
+            {
+                let mean = means.entry(node).or_insert((Vec3::zeros(), 0.0));
+                *mean = (mean.0 + sum, mean.1 + count);
+            }
+        }
+        for (node, (sum, count)) in means {
+            changes[node] = (sum / count).component_mul(&surface.free_axes(node));
+            drawn[node] = 1;
+            v[node - first] += changes[node];
+        }
     }
 }
 
@@ -156,6 +218,8 @@ struct Place {
     weights: [f64; 5],
     /// The point [m].
     point: Vec3,
+    /// Unit normal of the triangle.
+    normal: Vec3,
     /// A unit direction of the line of intersection.
     line: Vec3,
     /// The direction in which the edge has to go for the line to get shorter, not normalised; zero inside a straight line.
@@ -190,7 +254,7 @@ impl Place {
             gradient += last - normal * (last.dot(&e) / steep);
         }
         let weights = [1.0 - share, share, wb + wc - 1.0, -wb, -wc];
-        Some(Self { nodes: [p, q, a, b, c], weights, point, line: last, gradient })
+        Some(Self { nodes: [p, q, a, b, c], weights, point, normal, line: last, gradient })
     }
 
     /// The unit direction in which the line gets shorter here, if there is one.

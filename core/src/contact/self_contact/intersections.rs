@@ -7,8 +7,10 @@ use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::collisions::collision_loop::{MARGIN, holds_all};
 use crate::contact::intersections::exact::{crossings, ignored_pairs, pinched_vertices};
+use crate::contact::intersections::tangle::Tangle;
 use crate::contact::intersections::untangle::push_apart;
 use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -23,6 +25,16 @@ impl SelfContact {
         self.geometric.as_ref().map_or(&[], |g| &g.crossings)
     }
 
+    /// Number of crossings that the wearing order decides; the same on all ranks.
+    pub(crate) fn tangled(&self) -> usize {
+        self.geometric.as_ref().map_or(0, |geometric| geometric.counts(&self.surface, &geometric.crossings)[1])
+    }
+
+    /// Says whether lines may wander that the wearing order decides, for which their number may grow.
+    pub(crate) fn let_wander(&mut self, lets_wander: bool) {
+        self.geometric.iter_mut().for_each(|geometric| geometric.lets_wander = lets_wander);
+    }
+
     /// Finds the crossings that the state has now: around the nodes in `moved` (own ones), if these are given and there were none
     /// before, else all.
     /// More of cloth with cloth than before are not accepted: what makes them stays where it was.
@@ -35,10 +47,10 @@ impl SelfContact {
         metrics: &mut Metrics,
     ) {
         let Some(geometric) = &mut self.geometric else { return };
+        let allowed = geometric.allowed(&self.surface);
         let (surface, nodes, paths) = (&self.surface, self.surface.nodes(), &mut self.paths);
         metrics.count_once(nodes.ranks(), "crossing_checks", 1);
-        let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
-        let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
+        let before = &geometric.crossings;
         let only = moved.filter(|_| before.is_empty()).map(|moved| marks(nodes, moved));
         let mut stopped = vec![0; nodes.count()];
         let mut round = 0;
@@ -46,11 +58,16 @@ impl SelfContact {
             let end = &paths.end;
             self.search.refit(surface, |i| Aabb::of_point(&end[i]));
             let found = crossings(surface, &self.search, end, only.as_deref().filter(|_| round == 0));
-            if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
+            let [lines_begin, lines_grow] = geometric.exceeds(surface, &found, allowed);
+            if !(lines_begin || lines_grow) || round > REVERT_ROUNDS {
                 break found;
             }
             metrics.count_once(nodes.ranks(), "crossings_reverted", 1);
-            let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
+            let is_refused = |c: &&Crossing| {
+                let is_new = surface.is_cloth(c) && before.binary_search(c).is_err();
+                is_new && (lines_grow || !geometric.tangle.continues(c))
+            };
+            let new = found.iter().filter(is_refused);
             let numbers = new.flat_map(|c| c.edge.iter().chain(&c.triangle));
             numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);
             // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
@@ -135,9 +152,36 @@ impl SelfContact {
 }
 
 impl Geometric {
+    /// Whether the sides of a pair may pass through each other, because they cross, or close to a crossing that the wearing order
+    /// decides.
+    pub(super) fn may_pass(&self, pair: &Pair) -> bool {
+        self.ignored.binary_search(pair).is_ok() || self.tangle.lets_pass(pair)
+    }
+
+    /// Numbers of crossings of cloth with cloth that are not of tangles, and of those that are.
+    fn counts(&self, surface: &ContactSurface, crossings: &[Crossing]) -> [usize; 2] {
+        let among_cloth = || crossings.iter().filter(|crossing| surface.is_cloth(crossing));
+        let tangled = among_cloth().filter(|crossing| self.tangle.continues(crossing)).count();
+        [among_cloth().count() - tangled, tangled]
+    }
+
+    /// The largest numbers that are accepted: no more than before. Lines that wander over the cloth have more crossings at one time and
+    /// fewer at another.
+    fn allowed(&self, surface: &ContactSurface) -> [usize; 2] {
+        let [others, tangled] = self.counts(surface, &self.crossings);
+        [others, if self.lets_wander { usize::MAX } else { tangled }]
+    }
+
+    /// Whether each number is larger than accepted.
+    fn exceeds(&self, surface: &ContactSurface, found: &[Crossing], allowed: [usize; 2]) -> [bool; 2] {
+        let [others, tangled] = self.counts(surface, found);
+        [others > allowed[0], tangled > allowed[1]]
+    }
+
     /// Takes note of what crosses now.
     fn note_crossings(&mut self, surface: &ContactSurface, crossings: Vec<Crossing>, bodies: &Bodies) {
         self.ignored = ignored_pairs(&crossings);
+        self.tangle = Tangle::around(surface, &crossings);
         self.pinched = pinched_vertices(surface, &crossings, bodies);
         self.crossings = crossings;
     }

@@ -5,6 +5,7 @@
 //! The state is put back to A and K is halved where C does not come to an end with impulses alone and K is above one.
 
 mod intersections;
+pub(crate) mod layers;
 mod per_time_step;
 pub(super) mod substeps;
 mod touch;
@@ -18,6 +19,7 @@ use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
 use crate::contact::intersections::exact::ignored_pairs;
+use crate::contact::intersections::tangle::Tangle;
 use crate::contact::repulsion::pair_forces::UnrepelledMotion;
 use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::self_contact::substeps::Substeps;
@@ -63,6 +65,10 @@ struct Geometric {
     crossings: Vec<Crossing>,
     /// Pairs that are left alone because of them, ascending.
     ignored: Vec<Pair>,
+    /// Their surroundings where the wearing order decides.
+    tangle: Tangle,
+    /// Whether lines may wander that the wearing order decides, for which their number may grow.
+    lets_wander: bool,
     /// Vertices of cloth that crosses a body where that body crosses itself, ascending. No face of a body may hold them: they
     /// may have to leave by another than they came in.
     pinched: Vec<u32>,
@@ -134,6 +140,8 @@ impl SelfContact {
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
+            tangle: Tangle::default(),
+            lets_wander: false,
             pinched: Vec::new(),
         });
         Self {
@@ -245,12 +253,12 @@ impl SelfContact {
             self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
-            let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
+            let crossing = self.geometric.as_ref().filter(|g| !g.ignored.is_empty());
             let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
-                ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
+                crossing.is_some_and(|g| g.may_pass(pair))
                     || (!self.without_repulsion.is_empty() && is_without_repulsion(pair))
             };
             repulsions.record_orientations(
@@ -363,13 +371,15 @@ impl SelfContact {
     /// before when it is done.
     fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> LoopOutcome {
         let Self { surface, search, proximity, geometric, paths, gap, .. } = self;
-        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return LoopOutcome::default() };
+        let Some(Geometric { control, work, ignored, tangle, pinched, .. }) = geometric else {
+            return LoopOutcome::default();
+        };
         let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
             let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
-            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
+            ignored.binary_search(pair).is_ok() || tangle.lets_pass(pair) || (!pinched.is_empty() && lets_out())
         };
         let mut collisions = Collisions {
             surface,
@@ -436,6 +446,7 @@ impl SelfContact {
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
+        geometric.tangle = Tangle::around(&self.surface, &geometric.crossings);
         geometric.pinched = memory.values("pinched").to_vec();
         Ok(())
     }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::topology::contact_matrix::ContactMatrix;
+use crate::contact::topology::wearing_order::WearingOrder;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::SUM_BLOCK;
 use crate::scene::Scene;
@@ -41,6 +42,8 @@ pub(crate) struct LocalClothSurface {
     pub mean_edge: f64,
     /// Rules of contact by pair; `None` in scenes without rules.
     pub matrix: Option<ContactMatrix>,
+    /// Order in which garments are worn; `None` if no two of them have a layer.
+    pub wearing_order: Option<WearingOrder>,
 }
 
 impl LocalClothSurface {
@@ -70,6 +73,7 @@ impl LocalClothSurface {
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),
             mean_edge: scene.mean_edge(),
             matrix,
+            wearing_order: WearingOrder::of(scene),
         };
         let mut edges = vec![0; own.len()];
         for garment in 0..scene.meshes().len() {

@@ -15,6 +15,7 @@ use crate::contact::topology::faces::{Faces, Sides};
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::pair_friction::PairFriction;
+use crate::contact::topology::wearing_order::WearingOrder;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{BodyShape, Scene};
@@ -48,6 +49,8 @@ pub(crate) struct ContactSurface {
     object: Vec<u32>,
     /// Rules of contact by pair; `None` in scenes without rules.
     rules: Option<Rules>,
+    /// Order in which garments are worn; `None` if no two of them have a layer.
+    wearing_order: Option<WearingOrder>,
     /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
     edge_length: Vec<f64>,
     /// Inverse masses per axis, zero where held [1/kg].
@@ -162,6 +165,7 @@ impl ContactSurface {
             rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
             object,
             rules,
+            wearing_order: share.wearing_order,
             edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
             mobility: over_nodes(&nodes, mobility, Vec3::zeros()),
             longest_edge: ranks.max(longest),
@@ -304,6 +308,11 @@ impl ContactSurface {
     /// Object of a node: garments, then bodies.
     pub(crate) fn object(&self, node: u32) -> u32 {
         self.object[node as usize]
+    }
+
+    /// The order in which garments are worn; `None` if no two of them have a layer.
+    pub(crate) fn wearing_order(&self) -> Option<&WearingOrder> {
+        self.wearing_order.as_ref()
     }
 
     /// Thickness of a pair of cloth with cloth [m] (`docs/theory/self_contact.md#repulsion-with-history`).

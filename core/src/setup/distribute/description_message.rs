@@ -21,7 +21,7 @@ codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
 codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2 });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
-codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, maps, map_curves });
+codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, layer, maps, map_curves });
 codec!(struct PaintedMap { values, absolute });
 codec!(struct ElasticDescription { garment, vertices, stiffness, rest_scale, damping_ratio });
 codec!(enum Shape {

@@ -75,6 +75,11 @@ pub(in crate::scene_file) struct Garment {
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
+    /// Place in the order in which garments are worn: the larger is outside, on the side to which the faces' normals point. Cloth that
+    /// starts crossed is drawn to that side; garments without a layer, and layers of one garment, come apart where they can.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1000))]
+    pub(in crate::scene_file) layer: Option<u32>,
     /// Elastic bands along its edges.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) elastic: Vec<Elastic>,

@@ -16,9 +16,17 @@ type Meeting = [[u32; 3]; 2];
 /// Crossings in which a piece of the line between two triangles ends, and whether the first triangle has their edge.
 type Pieces = BTreeMap<Meeting, Vec<(usize, bool)>>;
 
-/// For each crossing of a line with an end: the unit direction in which its edge is to move past its triangle. The first end
-/// in the order of the crossings leads; lines without ends have none.
-pub(super) fn along_lines(known: &Known, crossings: &[Crossing], places: &[Option<Place>]) -> Vec<Option<Vec3>> {
+/// A crossing of a line with an end.
+#[derive(Clone, Copy)]
+pub(super) struct OnLine {
+    /// Unit direction in which its edge is to move past its triangle.
+    pub direction: Option<Vec3>,
+    /// Whether its edge is of the surface that has the border at the end.
+    pub is_drawn: bool,
+}
+
+/// Direction of each crossing of a line with an end. The first end in the order of the crossings leads; lines without ends have none.
+pub(super) fn along_lines(known: &Known, crossings: &[Crossing], places: &[Option<Place>]) -> Vec<Option<OnLine>> {
     let meetings: Vec<Vec<(Meeting, bool)>> = crossings.iter().map(|crossing| meetings(known, crossing)).collect();
     let mut pieces = Pieces::new();
     for (i, of_crossing) in meetings.iter().enumerate() {
@@ -30,7 +38,7 @@ pub(super) fn along_lines(known: &Known, crossings: &[Crossing], places: &[Optio
         let is_end = known.edges[&crossings[end].edge].corners.len() == 1;
         let Some(place) = places[end].as_ref().filter(|_| is_end && !seen[end]) else { continue };
         seen[end] = true;
-        directions[end] = place.shortening();
+        directions[end] = Some(OnLine { direction: place.shortening(), is_drawn: true });
         // A crossing, where the line came from, and whether its edge is of the surface that is drawn.
         let mut queue = VecDeque::from([(end, place.point, true)]);
         while let Some((at, from, is_drawn)) = queue.pop_front() {
@@ -41,7 +49,8 @@ pub(super) fn along_lines(known: &Known, crossings: &[Crossing], places: &[Optio
                         continue;
                     }
                     let drawn = is_drawn == (first == next_first);
-                    directions[*next] = places[*next].as_ref().and_then(|place| place.away_from(&point, drawn));
+                    let direction = places[*next].as_ref().and_then(|place| place.away_from(&point, drawn));
+                    directions[*next] = Some(OnLine { direction, is_drawn: drawn });
                     queue.push_back((*next, point, drawn));
                 }
             }

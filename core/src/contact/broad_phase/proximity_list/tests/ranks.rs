@@ -111,6 +111,7 @@ impl Heap {
             friction: None,
             largest_thickness: None,
             matrix: None,
+            wearing_order: None,
             edge_length: self.edge_length[own.clone()].to_vec(),
             garment: own.clone().map(|v| (v / SHEET) as u32).collect(),
             mobility: self.mobility[own].to_vec(),
