@@ -404,6 +404,8 @@ fn garments_that_start_crossed_are_told_with_how_often_and_where() {
                     "it intersects garment \"s",
                     " pairs of an edge and a triangle; the first is edge ",
                     "move them apart",
+                    "give both a `layer`",
+                    "help: write layer = 1 at the inner garment",
                 ],
             ),
             (&folded, &["garment \"sheet\": it intersects itself at the start, in ", "unfold it at the start"]),
@@ -413,6 +415,34 @@ fn garments_that_start_crossed_are_told_with_how_often_and_where() {
             &format!("{}[effects]\nwithout = [\"self_collision\"]\n", second("[5.013, 1.017, 0.021]")),
         ],
     );
+}
+
+#[test]
+fn garments_that_start_partly_inside_a_body_are_told() {
+    let at = |height: &str| SHEET.replace("center = [5, 1, 0]", &format!("center = [0, {height}, 0]")) + BALL;
+    let inside = [
+        "garment \"sheet\": ",
+        " of it are inside body \"ball\" at the start, vertex ",
+        " mm deep; the body draws them out",
+    ];
+    rule("start_inside", without_file, &[(&at("0.2"), &inside)], &[&at("0.3")]);
+}
+
+#[test]
+fn layers_that_contradict_the_model_are_told() {
+    let layers = |of_sheet: u32, of_scarf: u32| {
+        SHEET.to_owned()
+            + &format!(
+                "layer = {of_sheet}\n[[garment]]\nname = \"scarf\"\nmaterial = \"cotton_shirting\"\nlayer = {of_scarf}\n\
+                 panel = {{ resolution = 12, center = [5, 1.01, 0] }}\n"
+            )
+    };
+    let words = [
+        "garment \"sheet\": its `layer` is larger than that of garment \"scarf\", but 14",
+        " of the ",
+        "swap the layers, or flip the faces",
+    ];
+    rule("start_layers", without_file, &[(&layers(2, 1), &words)], &[&layers(1, 2), &layers(1, 1)]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod crossing_fuzz;
 mod layers;
 mod rules;
 mod self_contact;
+mod tangles;
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;

@@ -82,6 +82,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert resolved["body"][0]["thickness"] == "2.5 mm" and resolved["body"][0]["friction"] == 0.4
     assert resolved["wind"] == {"velocity": [1.5, 0.0, -2.0], "density": "0.77 kg/m³", "tangential": "0.02 N s/m³"}
     cape, coat = resolved["garment"]
+    assert (cape["layer"], coat["layer"]) == (1, 2)
     # The limit is that of canvas: nothing is written beside the table.
     assert "[garment.strain_limit]\n\n" in written and coat["strain_limit"]["limit"] == coat["stretch"]["extension"] == 0.061
     assert coat["render_mesh"]["file"].endswith("coat.obj") and "strain_limit" not in cape

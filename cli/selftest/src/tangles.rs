@@ -53,6 +53,14 @@ pub fn title(seed: u64) -> &'static str {
     KINDS[seed as usize % KINDS.len()].0
 }
 
+/// The garments of a seed, with contact; without the body that some kinds have.
+pub fn scene(seed: u64) -> SceneDescription {
+    let (_, kind) = KINDS[seed as usize % KINDS.len()];
+    let Tangle { mut description, .. } = kind(&mut Random::new(seed));
+    add_self_contact(&mut description);
+    description
+}
+
 /// Runs the tangle of a seed.
 ///
 /// # Errors

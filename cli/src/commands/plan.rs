@@ -187,7 +187,12 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         .iter()
         .zip(scene.meshes())
         .map(|(garment, mesh)| {
-            json!({"name": garment.name, "points": mesh.rest_positions().len(), "triangles": mesh.triangles().len()})
+            json!({
+                "name": garment.name,
+                "layer": garment.layer,
+                "points": mesh.rest_positions().len(),
+                "triangles": mesh.triangles().len(),
+            })
         })
         .collect();
     let render_meshes = shot.render_meshes().map(|mesh| {

@@ -137,7 +137,10 @@ fn a_body_in_centimetres_read_as_metres() {
 
 #[test]
 fn a_garment_that_starts_inside_the_body() {
-    let inside = SKIRT.replace("v 2 1 0", "v 0.1 0.3 0.1");
+    let inside = SKIRT
+        .replace("v 2 1 0", "v 0.1 0.3 0.1")
+        .replace("v 2 1 1", "v 0.1 0.3 0.12")
+        .replace("v 3 1 0", "v 0.1 0.4 0.1");
     let parts = ["garment \"skirt\", vertex 0", "inside body \"hero\"", "deepest", "mm", "help:"];
     refused(with_files(BODY, &inside).path(), 65, &parts);
 }

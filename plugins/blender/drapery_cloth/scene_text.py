@@ -76,7 +76,8 @@ class Elastic:
 
 @dataclass
 class Garment:
-    """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin.
+    """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin; it is
+    the layer where garments differ in it.
 
     Strains are shares of a length: at `extension` cloth that stiffens carries the load of its material, None for one that does not
     stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material. `stretch` in N/m, `bending` in
@@ -232,8 +233,9 @@ def scene_text(shot, bodies, garments, seams=(), contacts=(), belts=()):
         lines += body_lines(body)
     for belt in belts:
         lines += belt_lines(belt)
+    has_layers = len({garment.order for garment in garments}) > 1
     for garment in sorted(garments, key=lambda garment: garment.order):
-        lines += garment_lines(garment)
+        lines += garment_lines(garment, has_layers)
     for seam, vertices in seams:
         lines += seam_lines(seam, vertices)
     for contact in contacts:
@@ -296,9 +298,11 @@ def belt_lines(belt):
             f"belt = {{ around = {quoted(belt.around)}, at = [{at}], axis = [{axis}], {lengths} }}", ""]
 
 
-def garment_lines(garment):
+def garment_lines(garment, has_layer=False):
     lines = ["[[garment]]", f"name = {quoted(garment.name)}", f"rest = {quoted(garment.file)}"]
     lines.append(f"material = {quoted(garment.material)}")
+    if has_layer:
+        lines.append(f"layer = {garment.order}")
     if garment.thickness is not None:
         lines.append(f"thickness = {quantity(garment.thickness, 'mm')}")
     if garment.rest_scale is not None:

@@ -226,7 +226,7 @@ class DraperyObject(bpy.types.PropertyGroup):
                            "longer than its fabric would")
     strain_limit: BoolProperty(name="Strain Limit", description="Edges stop at the largest strain")
     order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
-                       description="1 is worn closest to the skin. Garments are written in this order")
+                       description="1 is worn closest to the skin. Garments that cross at the start are drawn apart in this order")
     own_stretch: BoolProperty(name="Stretch", description="Resistance to being stretched, instead of that of the fabric")
     stretch: FloatProperty(name="N/m", default=260.0, min=1.0, max=1e5, precision=1,
                            description="Force per width and strain; cloth has 50 to 2000 N/m; may be keyframed")

@@ -1,7 +1,7 @@
 //! Contact by pair in a plan: which objects ignore each other, and friction and thickness of all others.
 
 use drapery_core::effects::{body_collision, self_repulsion};
-use drapery_core::scene::{ContactRule, ContactSide, SceneDescription};
+use drapery_core::scene::{ContactRule, ContactSide, GarmentDescription, SceneDescription};
 use drapery_core::settings::Settings;
 use serde_json::{Value, json};
 
@@ -47,13 +47,14 @@ fn pairs(scene: &SceneDescription) -> Vec<PairOfObjects> {
     pairs.into_iter().map(with_rule).collect()
 }
 
-/// The table of a scene with rules; empty without.
+/// The order in which garments are worn, and the table of a scene with rules; empty without both.
 pub(super) fn text(scene: &SceneDescription) -> String {
+    let mut text = order_text(scene);
     let pairs = pairs(scene);
     if pairs.is_empty() {
-        return String::new();
+        return text;
     }
-    let mut text = String::from("\ncontact by pair\n");
+    text += "\ncontact by pair\n";
     for PairOfObjects { between: [a, b], rule, friction, thickness } in &pairs {
         let objects = match a == b {
             true => format!("layers of {}", scene.contact_side(*a)),
@@ -73,7 +74,16 @@ pub(super) fn text(scene: &SceneDescription) -> String {
     text
 }
 
-/// The same for programs.
+/// Garments with a layer, the innermost first; empty if none has one.
+fn order_text(scene: &SceneDescription) -> String {
+    let layer = |garment: &GarmentDescription| garment.layer.map(|layer| (layer, garment.name.clone()));
+    let mut layers: Vec<(u32, String)> = scene.garments.iter().filter_map(layer).collect();
+    layers.sort();
+    let names: Vec<String> = layers.iter().map(|(layer, name)| format!("{name} ({layer})")).collect();
+    if names.is_empty() { String::new() } else { format!("worn from the inside out: {}\n", names.join(", ")) }
+}
+
+/// The table for programs.
 pub(super) fn as_json(scene: &SceneDescription) -> Value {
     let side = |side: ContactSide| match side {
         ContactSide::Garment(garment) => json!({"garment": scene.garments[garment].name}),
