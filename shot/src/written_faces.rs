@@ -131,7 +131,7 @@ impl WrittenFaces {
         let scene = simulation.scene().description();
         let mut found = Vec::new();
         for (index, garment) in self.garments.iter().enumerate() {
-            let ignores = |other| scene.ignores(ContactSide::Garment(index), other);
+            let ignores = |other| scene.ignores_in_part(ContactSide::Garment(index), other);
             if self.cloth && garment.search.has_other_cuts() && !ignores(ContactSide::Garment(index)) {
                 found.extend(other_cut((garment, garment), false, [garment.search.find().other, Vec::new()]));
             }

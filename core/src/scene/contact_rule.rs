@@ -15,9 +15,12 @@ pub enum ContactSide {
     Garment(usize),
     /// A body, by its number.
     Body(usize),
+    /// A part of a garment, by the garment's number and the part's number in the order of the names.
+    Part(usize, usize),
 }
 
-/// Contact of two garments, of a garment with a body, or of a garment with itself, where it differs from what the objects say.
+/// Contact of two garments, of a garment with a body, or of a garment with itself, where it differs from what the objects say. In the
+/// place of a garment may be a part of it. A rule of a garment holds for its parts too, except where a rule names them.
 ///
 /// ```
 /// use drapery_core::{ContactRule, ContactSide};
@@ -63,6 +66,18 @@ impl SceneDescription {
         self.contacts.iter().find(|rule| rule.ordered() == wanted)
     }
 
+    /// Whether some of one object passes through some of another by a rule, if only between parts of them.
+    pub fn ignores_in_part(&self, a: ContactSide, b: ContactSide) -> bool {
+        let whole = |side: ContactSide| {
+            if let ContactSide::Part(garment, _) = side { ContactSide::Garment(garment) } else { side }
+        };
+        let is_theirs = |rule: &ContactRule| {
+            let [c, d] = rule.between.map(whole);
+            [c, d] == [a, b] || [d, c] == [a, b]
+        };
+        self.contacts.iter().any(|rule| rule.ignore && is_theirs(rule))
+    }
+
     /// Whether two objects pass through each other by a rule.
     pub fn ignores(&self, a: ContactSide, b: ContactSide) -> bool {
         self.contact_rule(a, b).is_some_and(|rule| rule.ignore)
@@ -87,10 +102,10 @@ impl SceneDescription {
         self.curves = renamed.collect();
     }
 
-    /// Names of the garments of each rule by which garments pass through each other.
+    /// Names of the garments of each rule by which garments, or parts of them, pass through each other.
     pub fn ignored_garments(&self) -> Vec<[String; 2]> {
         let garment = |side: ContactSide| match side {
-            ContactSide::Garment(garment) => Some(self.garments[garment].name.clone()),
+            ContactSide::Garment(garment) | ContactSide::Part(garment, _) => Some(self.garments[garment].name.clone()),
             ContactSide::Body(_) => None,
         };
         let names = |rule: &ContactRule| Some([garment(rule.between[0])?, garment(rule.between[1])?]);
@@ -99,11 +114,17 @@ impl SceneDescription {
 
     /// An object in words, as in `garment "skirt"`; its number if there is none.
     pub fn contact_side(&self, side: ContactSide) -> String {
-        let (kind, number, name) = match side {
-            ContactSide::Garment(g) => ("garment", g, self.garments.get(g).map(|garment| &garment.name)),
-            ContactSide::Body(b) => ("body", b, self.bodies.get(b).map(|body| &body.name)),
+        let words = |kind: &str, number: usize, name: Option<&String>| {
+            name.map_or_else(|| format!("{kind} {number}"), |name| format!("{kind} \"{name}\""))
         };
-        name.map_or_else(|| format!("{kind} {number}"), |name| format!("{kind} \"{name}\""))
+        match side {
+            ContactSide::Garment(g) => words("garment", g, self.garments.get(g).map(|garment| &garment.name)),
+            ContactSide::Body(b) => words("body", b, self.bodies.get(b).map(|body| &body.name)),
+            ContactSide::Part(g, p) => {
+                let name = self.garments.get(g).and_then(|garment| garment.parts.keys().nth(p));
+                format!("{} of {}", words("part", p, name), self.contact_side(ContactSide::Garment(g)))
+            }
+        }
     }
 }
 

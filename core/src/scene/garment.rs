@@ -1,5 +1,6 @@
 //! A garment of a description, and its rest shape where that is read piece by piece.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::Vec3;
@@ -22,6 +23,7 @@ impl GarmentDescription {
             thickness: DEFAULT_THICKNESS,
             rest_scale: 1.0,
             layer: None,
+            parts: BTreeMap::new(),
             maps: PaintedMaps::new(),
             map_curves: MapCurves::new(),
         }

@@ -162,6 +162,8 @@ pub struct GarmentDescription {
     /// Place in the order in which garments are worn: the larger is outside, which is where the faces' normals point. It decides
     /// to which side cloth that starts crossed is drawn.
     pub layer: Option<u32>,
+    /// Parts that rules of contact name, each with its vertices; no vertex is in two of them.
+    pub parts: BTreeMap<String, Vec<u32>>,
     /// Quantities that differ among the vertices.
     pub maps: PaintedMaps,
     /// Maps that change over time, in the place of those of the same names in `maps`.

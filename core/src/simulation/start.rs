@@ -1,5 +1,7 @@
 //! Conditions that have to hold before a simulation starts.
 
+use std::collections::BTreeSet;
+
 use crate::Vec3;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::error::{Problem, Problems};
@@ -71,7 +73,11 @@ pub(super) fn find_inside(
     for (g, garment) in description.garments.iter().enumerate() {
         let ignores = |b: usize| description.ignores(ContactSide::Garment(g), ContactSide::Body(b));
         for (b, body) in description.bodies.iter().enumerate().filter(|(b, _)| !ignores(*b)) {
-            let free = || scene.parts().own_of_garment(g).filter(|vertex| !held[*vertex]);
+            let passes = |part: usize| description.ignores(ContactSide::Part(g, part), ContactSide::Body(b));
+            let parts = garment.parts.values().enumerate().filter(|(part, _)| passes(*part));
+            let through: BTreeSet<u32> = parts.flat_map(|(_, vertices)| vertices).copied().collect();
+            let meets = |vertex: usize| through.is_empty() || !through.contains(&scene.parts().own_vertex(vertex).1);
+            let free = || scene.parts().own_of_garment(g).filter(|vertex| !held[*vertex] && meets(*vertex));
             let inside: Vec<(f64, usize)> =
                 free().filter_map(|vertex| Some((depth_inside(scene, bodies, b, &state.x[vertex])?, vertex))).collect();
             // Among equal depths the first vertex.

@@ -134,6 +134,7 @@ impl Resolver<'_> {
             thickness,
             rest_scale,
             layer: garment.layer,
+            parts: BTreeMap::new(),
             maps,
             map_curves,
         };

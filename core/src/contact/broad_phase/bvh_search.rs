@@ -89,7 +89,7 @@ impl RefittedBvh {
         self.tree = Bvh::build(boxes);
         self.built_cost = self.tree.cost();
         self.masks = groups
-            .map(|groups| self.tree.group_masks(|triangle| groups.of_node(faces.triangles()[triangle as usize][0])));
+            .map(|groups| self.tree.group_masks(|triangle| groups.of_element(&faces.triangles()[triangle as usize])));
     }
 
     /// Filter of a search between this tree and another one.
@@ -196,7 +196,7 @@ impl PairSearch {
         let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
             let mut meet = |s, t| {
-                if !surface.is_ignored(cloth.first_node(s), other.first_node(t)) {
+                if !surface.is_ignored(cloth.corners(s), other.corners(t)) {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             };
@@ -277,10 +277,10 @@ impl PairSearch {
 }
 
 impl Side<'_> {
-    /// A node of a triangle.
+    /// The nodes of a triangle.
     #[inline]
-    pub(super) fn first_node(&self, triangle: u32) -> u32 {
-        self.faces.triangles()[triangle as usize][0]
+    pub(super) fn corners(&self, triangle: u32) -> &[u32; 3] {
+        &self.faces.triangles()[triangle as usize]
     }
 }
 

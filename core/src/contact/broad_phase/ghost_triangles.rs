@@ -33,8 +33,8 @@ pub(crate) struct PlacedGhostTriangle {
     triangle: GhostTriangle,
     /// A bit for each corner that has moved.
     moved: u32,
-    /// Its garment.
-    object: u32,
+    /// Objects of its corners.
+    objects: [u32; 3],
     /// Positions of its corners [m].
     x: [Vec3; 3],
 }
@@ -93,7 +93,7 @@ pub(crate) fn exchange_ghosts_with_positions(
         PlacedGhostTriangle {
             triangle: GhostTriangle::of(nodes, faces, *t),
             moved: (0..3).map(|k| u32::from(has_moved(k)) << k).sum(),
-            object: surface.object(corners[0] as u32),
+            objects: corners.map(|corner| surface.object(corner as u32)),
             x: corners.map(|corner| x[corner]),
         }
     };
@@ -112,7 +112,7 @@ pub(crate) struct GhostTriangles {
     pub x: Vec<Vec3>,
     /// Whether it has moved.
     pub moved: Vec<bool>,
-    /// Garment of each triangle.
+    /// Object of each node.
     pub objects: Vec<u32>,
     /// A tree over them.
     pub tree: Bvh,
@@ -126,7 +126,7 @@ impl GhostTriangles {
         let numbers = ghosts.iter().flat_map(|ghost| ghost.triangle.corners).collect();
         let x: Vec<Vec3> = ghosts.iter().flat_map(|ghost| ghost.x).collect();
         let moved = ghosts.iter().flat_map(|ghost| [0, 1, 2].map(|k| ghost.moved >> k & 1 == 1)).collect();
-        let objects = ghosts.iter().map(|ghost| ghost.object).collect();
+        let objects = ghosts.iter().flat_map(|ghost| ghost.objects).collect();
         let bounds = |x: &[Vec3]| x.iter().fold(Aabb::EMPTY, |bounds, x| bounds.union(&Aabb::of_point(x)));
         let boxes: Vec<Aabb> = x.chunks(3).map(bounds).collect();
         Self { faces: Faces::from_bits(triangles, &carried), numbers, x, moved, objects, tree: Bvh::build(&boxes) }

@@ -138,7 +138,7 @@ impl PairSearch {
             };
             let mut out = Vec::new();
             tree.pairs_of(task, others, None, &mut |s, t| {
-                if is_new(s, t) && !surface.is_ignored(cloth.first_node(s), other.first_node(t)) {
+                if is_new(s, t) && !surface.is_ignored(cloth.corners(s), other.corners(t)) {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             });

@@ -34,7 +34,7 @@ pub(crate) fn crossings(
         found.extend(crossings::find_between(&cloth, &bodies));
         found.extend(crossings::find_between(&bodies, &cloth));
     }
-    found.retain(|crossing| !surface.is_ignored(crossing.edge[0], crossing.triangle[0]));
+    found.retain(|crossing| !surface.is_ignored(&crossing.edge, &crossing.triangle));
     let nodes = surface.nodes();
     if nodes.ranks().is_alone() {
         found.sort_unstable();
@@ -69,17 +69,19 @@ fn with_visitors(
     let ghost_number = |node: u32| numbers[node as usize];
     let has_moved = |node: u32| moved.is_none_or(|moved| moved[node as usize] != 0);
     let they_have = |node: u32| theirs[node as usize];
-    // Ghost triangles have three nodes each.
-    let ignores = |own: u32, ghost: u32| surface.ignores(surface.object(own), objects[ghost as usize / 3]);
+    let ignores = |own: &[u32], ghost: &[u32]| {
+        let ghost = surface.common_object(ghost.iter().map(|node| objects[*node as usize]));
+        surface.ignores(surface.object_of(own), ghost)
+    };
     let asked = |edge: &[u32; 2], triangle: &[u32; 3]| {
         let apart = !edge.iter().any(|e| triangle.iter().any(|t| number(*e) == ghost_number(*t)));
         let is_asked = edge.iter().any(|e| has_moved(*e)) || triangle.iter().any(|t| they_have(*t));
-        apart && is_asked && !ignores(edge[0], triangle[0])
+        apart && is_asked && !ignores(edge, triangle)
     };
     let asked_back = |edge: &[u32; 2], triangle: &[u32; 3]| {
         let apart = !edge.iter().any(|e| triangle.iter().any(|t| ghost_number(*e) == number(*t)));
         let is_asked = edge.iter().any(|e| they_have(*e)) || triangle.iter().any(|t| has_moved(*t));
-        apart && is_asked && !ignores(triangle[0], edge[0])
+        apart && is_asked && !ignores(triangle, edge)
     };
     let ours = crossings::find_between_where(cloth, &ghosts, asked);
     let back = crossings::find_between_where(&ghosts, cloth, asked_back);

@@ -33,7 +33,7 @@ pub(crate) fn layer_sides(scene: &Scene, x: &[Vec3], bodies: &Bodies) -> BTreeMa
         }
         let normal = (at[2] - at[1]).cross(&(at[3] - at[1]));
         let is_right = (closest.apart.dot(&normal) > 0.0) == is_outer;
-        let [of_point, of_face] = [point, corner].map(|node| surface.object(node) as usize);
+        let [of_point, of_face] = [point, corner].map(|node| surface.garment(node) as usize);
         let garments = if is_outer { [of_point, of_face] } else { [of_face, of_point] };
         own.entry(garments).or_default()[usize::from(!is_right)] += 1;
     }

@@ -34,8 +34,8 @@ pub(crate) struct LocalClothSurface {
     pub friction: Option<Vec<[f64; 2]>>,
     /// Mean rest length of the edges of each vertex [m].
     pub edge_length: Vec<f64>,
-    /// Garment of each vertex.
-    pub garment: Vec<u32>,
+    /// Object of each vertex: its garment, or a part of it that rules name.
+    pub object: Vec<u32>,
     /// Inverse masses [1/kg].
     pub mobility: Vec<f64>,
     /// Mean rest length of all edges of the scene [m].
@@ -69,7 +69,7 @@ impl LocalClothSurface {
             largest_thickness: has_thickness.then(|| vec![f64::INFINITY; own.len()]),
             friction: scene.painted_everywhere("self_friction").map(|all| all[own.clone()].to_vec()),
             edge_length: vec![0.0; own.len()],
-            garment: own.clone().map(|v| parts.garment_of(v) as u32).collect(),
+            object: objects(scene),
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),
             mean_edge: scene.mean_edge(),
             matrix,
@@ -116,6 +116,19 @@ impl LocalClothSurface {
             }
         }
     }
+}
+
+/// The object of each own vertex.
+pub(crate) fn objects(scene: &Scene) -> Vec<u32> {
+    let (parts, description) = (scene.parts(), scene.description());
+    let of_garments: Vec<Option<Vec<u32>>> = (0..description.garments.len())
+        .map(|garment| ContactMatrix::objects_of_vertices(description, garment))
+        .collect();
+    let object = |vertex: usize| {
+        let (garment, number) = parts.own_vertex(vertex);
+        of_garments[garment].as_ref().map_or(garment as u32, |objects| objects[number as usize])
+    };
+    parts.own().map(object).collect()
 }
 
 /// The blocks of sums of a part.

@@ -1,12 +1,15 @@
 //! The matrix of contact: for each pair of objects whether they ignore each other, their friction and their thickness. It exists
 //! only in scenes with rules.
 //!
-//! *Objects* are the garments, then the bodies.
+//! *Objects* are the garments, then the bodies, then parts of garments that rules name.
 
 use crate::scene::{ContactRule, ContactSide, SceneDescription};
 
 /// Groups of objects that one mask can tell apart.
 const GROUPS: usize = u64::BITS as usize;
+
+/// In the place of the garment of a body.
+const NO_GARMENT: u32 = u32::MAX;
 
 /// Entry of two objects.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -24,6 +27,8 @@ pub(crate) struct ContactEntry {
 pub(crate) struct ContactMatrix {
     garments: usize,
     objects: usize,
+    /// Garment of each object; none of bodies.
+    garment_of: Vec<u32>,
     /// Entries of each object with each.
     entries: Vec<ContactEntry>,
 }
@@ -37,25 +42,90 @@ pub(crate) struct ContactGroups {
     touched: Vec<u64>,
 }
 
-/// Number of a garment or a body among the objects.
-fn object(description: &SceneDescription, side: ContactSide) -> usize {
+/// Numbers of the objects of a side: a garment and its parts, a part, or a body.
+fn objects(description: &SceneDescription, side: ContactSide) -> Vec<usize> {
+    let (garments, bodies) = (description.garments.len(), description.bodies.len());
+    let first_part = |garment: usize| -> usize {
+        garments + bodies + description.garments[..garment].iter().map(|garment| garment.parts.len()).sum::<usize>()
+    };
     match side {
-        ContactSide::Garment(garment) => garment,
-        ContactSide::Body(body) => description.garments.len() + body,
+        ContactSide::Garment(garment) => {
+            let first = first_part(garment);
+            [garment].into_iter().chain(first..first + description.garments[garment].parts.len()).collect()
+        }
+        ContactSide::Part(garment, part) => vec![first_part(garment) + part],
+        ContactSide::Body(body) => vec![garments + body],
     }
+}
+
+/// Pairs of objects that a rule speaks of. Where it names a part and its own garment, they are the part and the rest of the garment.
+pub(crate) fn pairs_of_objects(description: &SceneDescription, rule: &ContactRule) -> Vec<[usize; 2]> {
+    let [a, b] = rule.between;
+    let is_own = |part: ContactSide, garment: ContactSide| matches!((part, garment), (ContactSide::Part(g, _), ContactSide::Garment(h)) if g == h);
+    let is_with_rest = is_own(a, b) || is_own(b, a);
+    let (these, those) = (objects(description, a), objects(description, b));
+    let all = these.iter().flat_map(|a| those.iter().map(|b| [*a.min(b), *a.max(b)]));
+    let mut pairs: Vec<[usize; 2]> = all.filter(|[a, b]| !(is_with_rest && a == b)).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Parts that a rule names: the more, the closer it describes its objects.
+pub(crate) fn named_parts(rule: &ContactRule) -> usize {
+    rule.between.iter().filter(|side| matches!(side, ContactSide::Part(..))).count()
 }
 
 impl ContactMatrix {
     /// The matrix of a scene; `None` if it has no rules.
     pub(crate) fn of(description: &SceneDescription) -> Option<Self> {
-        let (garments, objects) = (description.garments.len(), description.garments.len() + description.bodies.len());
+        let (garments, bodies) = (description.garments.len(), description.bodies.len());
+        let parts = (0..garments).flat_map(|garment| vec![garment as u32; description.garments[garment].parts.len()]);
+        let bodies = (garments..garments + bodies).map(|_| NO_GARMENT);
+        let garment_of: Vec<u32> = (0..garments as u32).chain(bodies).chain(parts).collect();
+        let objects = garment_of.len();
         let mut entries = vec![ContactEntry::default(); objects * objects];
-        for ContactRule { between, ignore, friction, thickness } in &description.contacts {
-            let [a, b] = between.map(|side| object(description, side));
-            let entry = ContactEntry { is_ignored: *ignore, friction: *friction, thickness: *thickness };
-            (entries[a * objects + b], entries[b * objects + a]) = (entry, entry);
+        let mut rules: Vec<&ContactRule> = description.contacts.iter().collect();
+        rules.sort_by_key(|rule| named_parts(rule));
+        for rule in rules {
+            let entry = ContactEntry { is_ignored: rule.ignore, friction: rule.friction, thickness: rule.thickness };
+            for [a, b] in pairs_of_objects(description, rule) {
+                (entries[a * objects + b], entries[b * objects + a]) = (entry, entry);
+            }
         }
-        (!description.contacts.is_empty()).then_some(Self { garments, objects, entries })
+        (!description.contacts.is_empty()).then_some(Self { garments, objects, garment_of, entries })
+    }
+
+    /// The object of each vertex of a garment with parts, in the garment's own order; `None` for one without.
+    pub(crate) fn objects_of_vertices(description: &SceneDescription, garment: usize) -> Option<Vec<u32>> {
+        let own = &description.garments[garment];
+        let mut all = vec![garment as u32; own.point_count()];
+        for (object, vertices) in
+            objects(description, ContactSide::Garment(garment))[1..].iter().zip(own.parts.values())
+        {
+            vertices.iter().for_each(|vertex| all[*vertex as usize] = *object as u32);
+        }
+        (!own.parts.is_empty()).then_some(all)
+    }
+
+    /// The garment of an object; [`NO_GARMENT`] for a body.
+    pub(crate) fn garment_of(&self, object: u32) -> u32 {
+        self.garment_of.get(object as usize).copied().unwrap_or(NO_GARMENT)
+    }
+
+    /// Number of the objects.
+    pub(crate) fn count(&self) -> usize {
+        self.objects
+    }
+
+    /// Whether an object is cloth.
+    pub(crate) fn is_cloth(&self, object: usize) -> bool {
+        self.garment_of[object] != NO_GARMENT
+    }
+
+    /// Objects that are cloth.
+    fn cloth(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.objects).filter(|object| self.is_cloth(*object))
     }
 
     /// The entry of two objects.
@@ -69,24 +139,24 @@ impl ContactMatrix {
         (self.garments + body) as u32
     }
 
-    /// The entry of a garment and a body.
-    pub(crate) fn on_body(&self, garment: usize, body: usize) -> &ContactEntry {
-        self.between(garment, self.garments + body)
+    /// The entry of an object of cloth and a body.
+    pub(crate) fn on_body(&self, object: usize, body: usize) -> &ContactEntry {
+        self.between(object, self.garments + body)
     }
 
-    /// Whether a rule gives two garments, or one by itself, a thickness.
+    /// Whether a rule gives cloth a thickness on cloth.
     pub(crate) fn has_cloth_thickness(&self) -> bool {
-        (0..self.garments).any(|garment| self.largest_cloth_thickness(garment) > 0.0)
+        self.cloth().any(|object| self.largest_cloth_thickness(object) > 0.0)
     }
 
-    /// Largest thickness that a rule gives a garment with another one, or by itself [m]; zero without one.
-    pub(crate) fn largest_cloth_thickness(&self, garment: usize) -> f64 {
-        (0..self.garments).filter_map(|other| self.between(garment, other).thickness).fold(0.0, f64::max)
+    /// Largest thickness that a rule gives an object of cloth with another one, or by itself [m]; zero without one.
+    pub(crate) fn largest_cloth_thickness(&self, object: usize) -> f64 {
+        self.cloth().filter_map(|other| self.between(object, other).thickness).fold(0.0, f64::max)
     }
 
     /// Largest thickness that a rule gives a body with a garment [m]; zero without one.
     pub(crate) fn largest_body_thickness(&self, body: usize) -> f64 {
-        (0..self.garments).filter_map(|garment| self.on_body(garment, body).thickness).fold(0.0, f64::max)
+        self.cloth().filter_map(|object| self.on_body(object, body).thickness).fold(0.0, f64::max)
     }
 
     /// The groups of the objects; `None` if no two ignore each other.

@@ -45,7 +45,7 @@ pub(crate) struct ContactSurface {
     friction: Option<Vec<[f64; 2]>>,
     /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
-    /// Object of each node: garments, then bodies.
+    /// Object of each node: garments, then bodies, then parts of garments.
     object: Vec<u32>,
     /// Rules of contact by pair; `None` in scenes without rules.
     rules: Option<Rules>,
@@ -152,7 +152,7 @@ impl ContactSurface {
             largest_thickness: share.largest_thickness.map(|largest| over_nodes(&nodes, largest, 0.0)),
             matrix,
         });
-        let mut object = over_nodes(&nodes, share.garment, UNKNOWN);
+        let mut object = over_nodes(&nodes, share.object, UNKNOWN);
         if let Some(rules) = &rules {
             for (body, (number, first)) in bodies.iter().zip(&first_points) {
                 let points = nodes.cloth() + *first as usize..nodes.cloth() + *first as usize + body.points;
@@ -284,20 +284,36 @@ impl ContactSurface {
         PairFriction { painted: self.friction.as_deref(), rules }
     }
 
-    /// The groups of objects by what ignores what, and the object of each node; `None` if nothing ignores anything.
+    /// The groups of objects by what ignores what; `None` if nothing ignores anything.
     pub(crate) fn groups(&self) -> Option<ObjectGroups<'_>> {
         let groups = self.rules.as_ref().and_then(|rules| rules.groups.as_ref())?;
-        Some(ObjectGroups { groups, objects: &self.object })
+        Some(ObjectGroups { groups, surface: self })
     }
 
-    /// Whether two nodes are of objects that pass through each other.
+    /// Whether two elements, by their nodes, are of objects that pass through each other.
     #[inline]
-    pub(crate) fn is_ignored(&self, a: u32, b: u32) -> bool {
-        let ignores = |rules: &Rules| {
-            let [a, b] = [a, b].map(|node| self.object[node as usize] as usize);
-            rules.matrix.between(a, b).is_ignored
-        };
-        self.rules.as_ref().is_some_and(ignores)
+    pub(crate) fn is_ignored(&self, a: &[u32], b: &[u32]) -> bool {
+        self.rules.as_ref().is_some_and(|_| self.ignores(self.object_of(a), self.object_of(b)))
+    }
+
+    /// The object of an edge or a triangle: of all its nodes, or the garment where they are of several of its parts.
+    pub(crate) fn object_of(&self, nodes: &[u32]) -> u32 {
+        self.common_object(nodes.iter().map(|node| self.object(*node)))
+    }
+
+    /// The object of an element whose nodes have these objects.
+    pub(crate) fn common_object(&self, mut objects: impl Iterator<Item = u32>) -> u32 {
+        let first = objects.next().unwrap_or(UNKNOWN);
+        if objects.all(|object| object == first) { first } else { self.garment_of(first) }
+    }
+
+    /// The garment of a node of cloth.
+    pub(crate) fn garment(&self, node: u32) -> u32 {
+        self.garment_of(self.object(node))
+    }
+
+    fn garment_of(&self, object: u32) -> u32 {
+        self.rules.as_ref().map_or(object, |rules| rules.matrix.garment_of(object))
     }
 
     /// Whether two objects pass through each other.
@@ -305,7 +321,7 @@ impl ContactSurface {
         self.rules.as_ref().is_some_and(|rules| rules.matrix.between(a as usize, b as usize).is_ignored)
     }
 
-    /// Object of a node: garments, then bodies.
+    /// Object of a node.
     pub(crate) fn object(&self, node: u32) -> u32 {
         self.object[node as usize]
     }
@@ -402,7 +418,7 @@ impl ContactSurface {
 
     /// Whether all nodes of a pair are of one garment.
     pub(crate) fn is_one_garment(&self, pair: &Pair) -> bool {
-        let [a, b, c, d] = pair.nodes.map(|node| self.object[node as usize]);
+        let [a, b, c, d] = pair.nodes.map(|node| self.garment(node));
         a == b && b == c && c == d
     }
 
@@ -498,7 +514,7 @@ impl ContactSurface {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ObjectGroups<'a> {
     groups: &'a ContactGroups,
-    objects: &'a [u32],
+    surface: &'a ContactSurface,
 }
 
 impl<'a> ObjectGroups<'a> {
@@ -507,9 +523,9 @@ impl<'a> ObjectGroups<'a> {
         self.groups
     }
 
-    /// Bit of the group of a node.
-    pub(crate) fn of_node(&self, node: u32) -> u64 {
-        self.groups.of_object(self.objects[node as usize])
+    /// Bit of the group of an element with these nodes.
+    pub(crate) fn of_element(&self, nodes: &[u32]) -> u64 {
+        self.groups.of_object(self.surface.object_of(nodes))
     }
 }
 

@@ -21,7 +21,7 @@ codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
 codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2 });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
-codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, layer, maps, map_curves });
+codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, layer, parts, maps, map_curves });
 codec!(struct PaintedMap { values, absolute });
 codec!(struct ElasticDescription { garment, vertices, stiffness, rest_scale, damping_ratio });
 codec!(enum Shape {
@@ -47,7 +47,7 @@ codec!(struct PinDescription { garment, target, axes, from, until, hold });
 codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 codec!(struct EffectRequest { effect, garment, settings, sources, because });
 codec!(struct SeamDescription { garments, pairs, faces, keeps_gap, from, until, opens, opened, zip, rest_gap, stiffness, damping_ratio, break_force });
-codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body) });
+codec!(enum ContactSide { 0 => Garment(garment), 1 => Body(body), 2 => Part(garment, part) });
 codec!(struct ContactRule { between, ignore, friction, thickness });
 codec!(struct WindGridShape { origin, spacing, counts });
 codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, elastics, seams, contacts, curves, wind, effects, left_out });

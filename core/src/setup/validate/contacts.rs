@@ -1,6 +1,9 @@
 //! Checks of rules of contact.
 
+use std::collections::BTreeMap;
+
 use super::check_values;
+use crate::contact::topology::contact_matrix::{named_parts, pairs_of_objects};
 use crate::effects::{self_collision, self_repulsion};
 use crate::error::Problem;
 use crate::scene::{ContactRule, ContactSide, SceneDescription};
@@ -13,6 +16,9 @@ pub(crate) fn check_contacts(description: &SceneDescription, problems: &mut Vec<
         let exists = |side: &ContactSide| match *side {
             ContactSide::Garment(garment) => garment < description.garments.len(),
             ContactSide::Body(body) => body < description.bodies.len(),
+            ContactSide::Part(garment, part) => {
+                description.garments.get(garment).is_some_and(|garment| part < garment.parts.len())
+            }
         };
         if !rule.between.iter().all(exists) {
             refuse("it names an object that does not exist".into(), "correct `between`");
@@ -26,8 +32,40 @@ pub(crate) fn check_contacts(description: &SceneDescription, problems: &mut Vec<
         if description.contacts[..r].iter().any(|other| same(&other)) {
             refuse("there is another rule for these two".into(), "write one rule for each pair of objects");
         }
+        let speaks_of = |other: &&ContactRule| {
+            let is_as_close = named_parts(other) == named_parts(rule) && other.ordered() != rule.ordered();
+            let (these, those) = (pairs_of_objects(description, rule), pairs_of_objects(description, other));
+            is_as_close && these.iter().any(|pair| those.contains(pair))
+        };
+        let exist = |other: &&ContactRule| other.between.iter().all(exists);
+        if let Some(other) = description.contacts[..r].iter().filter(exist).find(speaks_of) {
+            let [a, b] = other.between.map(|side| description.contact_side(side));
+            let what = format!("it speaks of the same cloth as the rule for {a} and {b}");
+            refuse(what, "name both parts in a rule of their own");
+        }
         check_settings(description, rule, &mut refuse);
         check_values(&place, rule, problems);
+    }
+}
+
+/// Vertices of parts of garments.
+pub(crate) fn check_parts(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for garment in &description.garments {
+        let mut part_of: BTreeMap<u32, &str> = BTreeMap::new();
+        for (name, vertices) in &garment.parts {
+            let place = format!("garment \"{}\", part \"{name}\"", garment.name);
+            let mut refuse = |what: String, advice: &str| problems.push(Problem::scene(&place, what, advice));
+            if let Some(vertex) = vertices.iter().find(|vertex| **vertex as usize >= garment.point_count()) {
+                refuse(format!("there is no vertex {vertex}"), "correct its vertices");
+            }
+            if vertices.is_empty() {
+                refuse("it has no vertices".into(), "choose some, or leave it out");
+            }
+            let other = vertices.iter().find_map(|vertex| Some((vertex, part_of.insert(*vertex, name)?)));
+            if let Some((vertex, other)) = other.filter(|(_, other)| *other != name) {
+                refuse(format!("vertex {vertex} is of part \"{other}\" too"), "choose vertices of one part for each");
+            }
+        }
     }
 }
 
@@ -65,8 +103,9 @@ fn check_settings(description: &SceneDescription, rule: &ContactRule, refuse: &m
             "ask for [self_collision], or leave the rule out",
         );
     }
-    let garments = rule.ordered().map(|side| if let ContactSide::Garment(garment) = side { garment } else { 0 });
-    let is_sewn = |sewn: [usize; 2]| [sewn[0].min(sewn[1]), sewn[0].max(sewn[1])] == garments;
+    let garments =
+        rule.ordered().map(|side| if let ContactSide::Garment(garment) = side { Some(garment) } else { None });
+    let is_sewn = |sewn: [usize; 2]| [sewn[0].min(sewn[1]), sewn[0].max(sewn[1])].map(Some) == garments;
     if let Some(s) = description.seams.iter().position(|seam| is_sewn(seam.garments)).filter(|_| rule.ignore) {
         refuse(
             format!("seam {s} draws these two together, and they pass through each other"),

@@ -29,7 +29,7 @@ use crate::scene::{
 use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh;
-use contacts::check_contacts;
+use contacts::{check_contacts, check_parts};
 use curves::check_curves;
 pub(crate) use curves::check_number;
 use maps_and_seams::{check_elastics, check_maps, check_maps_are_used, check_seams};
@@ -97,6 +97,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
     check_pins(description, &mut problems);
     check_elastics(description, &mut problems);
     check_seams(description, &mut problems);
+    check_parts(description, &mut problems);
     check_contacts(description, &mut problems);
     check_curves(description, &mut problems);
     check_effects(description, &mut problems);

@@ -1,16 +1,18 @@
-//! Contact of each garment with each body, where rules make a difference.
+//! Contact of each garment, or part of one, with each body, where rules make a difference.
 
 use crate::contact::bodies::BodyContactProperties;
-use crate::scene::{ContactRule, ContactSide, Scene};
+use crate::contact::topology::cloth_surface::objects;
+use crate::contact::topology::contact_matrix::ContactMatrix;
+use crate::scene::Scene;
 use crate::tolerances;
 
-/// Contact by garment and body.
+/// Contact by object of cloth and body.
 #[derive(Debug)]
 pub(super) struct BodyRules {
-    /// Garment of each own vertex.
-    garment: Vec<u32>,
+    /// Object of each own vertex.
+    object: Vec<u32>,
     bodies: usize,
-    /// Contact of each garment with all bodies, garment by garment.
+    /// Contact of each object with all bodies, object by object.
     properties: Vec<BodyContactProperties>,
 }
 
@@ -18,43 +20,32 @@ impl BodyRules {
     /// The rules of a scene for its garments and bodies; `None` if it has none.
     pub(super) fn of(scene: &Scene) -> Option<Self> {
         let description = scene.description();
-        let rules: Vec<(&ContactRule, usize, usize)> = description.contacts.iter().filter_map(parts).collect();
-        if rules.is_empty() {
-            return None;
-        }
+        let matrix =
+            ContactMatrix::of(description).filter(|_| description.contacts.iter().any(|rule| rule.body().is_some()))?;
         let gap = tolerances::CONTACT_GAP * scene.mean_edge();
-        let (parts, bodies) = (scene.parts(), description.bodies.len());
-        let of_body = description.bodies.iter().map(|body| BodyContactProperties::of(body, gap));
-        let mut properties: Vec<BodyContactProperties> = of_body.collect::<Vec<_>>().repeat(description.garments.len());
-        for (rule, garment, body) in rules {
-            let of_pair = &mut properties[garment * bodies + body];
-            of_pair.is_ignored = rule.ignore;
+        let bodies = description.bodies.len();
+        let of_body: Vec<BodyContactProperties> =
+            description.bodies.iter().map(|body| BodyContactProperties::of(body, gap)).collect();
+        let mut properties = of_body.repeat(matrix.count());
+        for (k, of_pair) in properties.iter_mut().enumerate().filter(|(k, _)| matrix.is_cloth(k / bodies)) {
+            let rule = matrix.on_body(k / bodies, k % bodies);
+            of_pair.is_ignored = rule.is_ignored;
             of_pair.friction = rule.friction.unwrap_or(of_pair.friction);
             of_pair.thickness = rule.thickness.unwrap_or(of_pair.thickness);
             of_pair.offset = of_pair.thickness + gap;
         }
-        let garment = parts.own().map(|vertex| parts.garment_of(vertex) as u32).collect();
-        Some(Self { garment, bodies, properties })
+        Some(Self { object: objects(scene), bodies, properties })
     }
 
     /// Contact of an own vertex, by its place among these, with each body.
     #[inline]
     pub(super) fn of_vertex(&self, vertex: usize) -> &[BodyContactProperties] {
-        let first = self.garment[vertex] as usize * self.bodies;
+        let first = self.object[vertex] as usize * self.bodies;
         &self.properties[first..first + self.bodies]
     }
 
     /// Memory held [bytes].
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.garment.as_slice()) + size_of_val(self.properties.as_slice())
-    }
-}
-
-/// A rule with its garment and its body; `None` if it is about garments alone.
-fn parts(rule: &ContactRule) -> Option<(&ContactRule, usize, usize)> {
-    match rule.between {
-        [ContactSide::Garment(garment), ContactSide::Body(body)]
-        | [ContactSide::Body(body), ContactSide::Garment(garment)] => Some((rule, garment, body)),
-        _ => None,
+        size_of_val(self.object.as_slice()) + size_of_val(self.properties.as_slice())
     }
 }

@@ -113,7 +113,7 @@ impl Heap {
             matrix: None,
             wearing_order: None,
             edge_length: self.edge_length[own.clone()].to_vec(),
-            garment: own.clone().map(|v| (v / SHEET) as u32).collect(),
+            object: own.clone().map(|v| (v / SHEET) as u32).collect(),
             mobility: self.mobility[own].to_vec(),
             mean_edge: 0.01,
         };
