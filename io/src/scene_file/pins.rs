@@ -93,23 +93,10 @@ impl Named<'_> {
     }
 }
 
-/// Refuses an empty list, and numbers that the garment does not have.
-pub(super) fn existing(chosen: Vec<u32>, count: usize, what: &str) -> Result<Vec<u32>, String> {
-    if chosen.is_empty() {
-        return Err(format!("this {what} holds no vertex"));
-    }
-    match chosen.iter().find(|v| **v as usize >= count) {
-        Some(vertex) => {
-            Err(format!("vertex {vertex} does not exist: the garment has {count} vertices, numbered from 0"))
-        }
-        None => Ok(chosen),
-    }
-}
-
 /// The vertices that a pin names.
 ///
 /// # Errors
-/// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
+/// Not exactly one way of naming them, or names that fit no panel.
 fn vertices(
     pin: &Pin,
     garment: &ReadGarment<'_>,
@@ -124,7 +111,7 @@ fn vertices(
     if named.ways() + usize::from(pin.file.is_some()) + usize::from(pin.map.is_some()) != 1 {
         return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`".to_owned());
     }
-    let chosen = match (file, painted) {
+    Ok(match (file, painted) {
         (Some(file), _) => file.pins.iter().map(|p| p.vertex).collect(),
         (_, Some(painted)) => painted,
         (None, None) => {
@@ -133,8 +120,7 @@ fn vertices(
             chosen.dedup();
             chosen
         }
-    };
-    existing(chosen, garment.points, "pin")
+    })
 }
 
 /// Fractions along x and z.
@@ -152,7 +138,59 @@ fn inside(region: Region, point: Vec3) -> bool {
     (0..3).all(|axis| (min[axis]..=max[axis]).contains(&point[axis]))
 }
 
+/// Advice about a region without any of these places: its own fault, or the place nearest to it and the bounds of all.
+fn beside(region: Region, places: &[Vec3]) -> String {
+    let Region::Box { min, max } = region;
+    if let Some(axis) = (0..3).find(|axis| min[*axis] > max[*axis]) {
+        let (axis, low, high) = (["x", "y", "z"][axis], min[axis], max[axis]);
+        return format!("exchange `min` and `max` along {axis}: {low} is above {high}");
+    }
+    let [min, max] = [min, max].map(Vec3::from);
+    let distance = |place: &Vec3| (place - place.sup(&min).inf(&max)).norm();
+    let nearest = places.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+    let Some((vertex, place)) = nearest else { return "the garment has no vertices".to_owned() };
+    let (low, high) = places.iter().fold((*place, *place), |(low, high), place| (low.inf(place), high.sup(place)));
+    let shown = |place: &Vec3| format!("[{:.3}, {:.3}, {:.3}]", place.x, place.y, place.z);
+    format!(
+        "the garment starts from {} to {} m; its vertex nearest to the box is {vertex} at {}, {:.3} m away",
+        shown(&low),
+        shown(&high),
+        shown(place),
+        distance(place)
+    )
+}
+
 impl Resolver<'_> {
+    /// Vertices that a pin, band or seam at a path has chosen, if there are any and the garment has them. `region` is the one that
+    /// chose among these places, if one did. Problems are recorded.
+    pub(super) fn existing(
+        &mut self,
+        (path, what): (&Path, &str),
+        chosen: Vec<u32>,
+        count: usize,
+        (region, places): (Option<Region>, &[Vec3]),
+    ) -> Option<Vec<u32>> {
+        if let Some(vertex) = chosen.iter().find(|v| **v as usize >= count) {
+            let what = format!("vertex {vertex} does not exist: the garment has {count} vertices, numbered from 0");
+            self.error(path, what);
+            return None;
+        }
+        if !chosen.is_empty() {
+            return Some(chosen);
+        }
+        let nothing = format!("this {what} holds no vertex");
+        match region {
+            Some(region) => {
+                let in_files = self.scene.document.units.is_some_and(|units| written(units) != Units::SI);
+                let units =
+                    if in_files { "; its box is in metres with Y up: [units] applies to files only" } else { "" };
+                self.error_with(&path.clone().key("where"), nothing + units, beside(region, places));
+            }
+            None => self.error(path, nothing),
+        }
+        None
+    }
+
     /// Resolves one elastic band of a garment. Problems are recorded, and the band is then left out.
     pub(super) fn elastic(
         &mut self,
@@ -171,8 +209,8 @@ impl Resolver<'_> {
             Some(name) => Ok(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
             None => named.find(garment.places, garment.grid),
         };
-        let chosen = chosen.and_then(|chosen| existing(chosen, garment.points, "elastic band"));
-        let vertices = self.check(path, chosen)?;
+        let chosen = self.check(path, chosen)?;
+        let vertices = self.existing((path, "elastic band"), chosen, garment.points, (*region, garment.places))?;
         let settings = self.settings(path, ElasticDescription::FIELDS);
         Some(ElasticDescription {
             garment: index,
@@ -206,13 +244,8 @@ impl Resolver<'_> {
             Some(name) => Some(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
             None => None,
         };
-        let mut chosen = vertices(pin, garment, (file.as_ref(), painted));
-        if let (Some(_), Err(message)) = (pin.region, &mut chosen)
-            && self.scene.document.units.is_some_and(|units| written(units) != Units::SI)
-        {
-            message.push_str("; its box is in metres with Y up: [units] applies to files only");
-        }
-        let vertices = self.check(path, chosen)?;
+        let chosen = self.check(path, vertices(pin, garment, (file.as_ref(), painted)))?;
+        let vertices = self.existing((path, "pin"), chosen, garment.points, (pin.region, garment.places))?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(path, body, vertices, file.as_ref())?
         } else if pin.to == "track" {

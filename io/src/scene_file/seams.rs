@@ -6,7 +6,7 @@ use drapery_core::scene::{Described, FacePoint, SeamDescription};
 use drapery_core::settings::Member;
 
 use super::deserialize::suggestion;
-use super::pins::{Named, existing};
+use super::pins::Named;
 use super::raw::{PAIRING, Pairing, Seam, SeamSide};
 use super::resolve::Resolver;
 use super::tree::Path;
@@ -150,10 +150,9 @@ impl Resolver<'_> {
         let start = description.start.clone();
         let mesh = self.garments[garment].clone();
         let all = self.places(path, &mesh, start.as_deref(), true)?;
-        let found = named.find(&all, self.grids[garment]).and_then(|chosen| existing(chosen, all.len(), "seam"));
-        let places = |vertices: &Vec<u32>| vertices.iter().map(|v| all[*v as usize]).collect();
-        let with_places = found.map(|vertices| (places(&vertices), vertices));
-        let (start, vertices) = self.check(path, with_places)?;
+        let chosen = self.check(path, named.find(&all, self.grids[garment]))?;
+        let vertices = self.existing((path, "seam"), chosen, all.len(), (side.region, &all))?;
+        let start = vertices.iter().map(|v| all[*v as usize]).collect();
         Some(Side { garment, vertices, start })
     }
 }
