@@ -130,6 +130,7 @@ impl Shot {
             output: &output,
             check: &check,
             body_thickness: &body_thickness,
+            last_frame: description.frames[1],
         };
         let mut of_rules = rules::of_scene(&facts);
         let about = About {
