@@ -224,7 +224,7 @@ def test_convert_keeps_them_between_formats_and_units(shot, tmp_path):
 def test_info_lists_them_and_verify_judges_them(shot, tmp_path):
     for name, rest in (("lower.abc", "Pref"), ("lower.usd", "rest"), ("lower.h5", "rest")):
         said = drapery("info", shot / name).stdout
-        assert all(word in said for word in (rest, "strain", "contact", "thickness")), said
+        assert all(word in said for word in (rest, "strain", "contact", "thickness", "  normals: smooth\n")), said
     for name in ("lower.abc", "lower.usd"):
         verified = drapery("verify", shot / name)
         assert verified.returncode == 0, verified.stdout + verified.stderr

@@ -228,6 +228,19 @@ pub struct Stored {
     pub to_world: [f64; 16],
 }
 
+/// An attribute that holds numbers and changes over time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// Path of its prim.
+    pub prim: String,
+    /// Its name.
+    pub attribute: String,
+    /// Numbers of the first sample.
+    pub numbers: usize,
+    /// Number of samples.
+    pub samples: usize,
+}
+
 /// An opened stage.
 pub struct Stage {
     path: PathBuf,
@@ -334,6 +347,16 @@ impl Stage {
     /// The mesh contradicts itself.
     pub fn mesh(&self, mesh: usize, code: f64) -> Result<MeshSample, UsdError> {
         self.ask(move |session| session.meshes.borrow()[mesh].read(&session.reading, code))
+    }
+
+    /// Attributes of the prims that [`About`] lists that hold numbers and change over time, without primvars.
+    ///
+    /// # Errors
+    /// A layer is damaged.
+    pub fn channels(&self) -> Result<Vec<Channel>, UsdError> {
+        let meshes = self.about.meshes.iter().filter(|mesh| mesh.prototype.is_none()).map(|mesh| &mesh.path);
+        let prims: Vec<String> = self.about.others.iter().map(|(path, _)| path).chain(meshes).cloned().collect();
+        self.ask(move |session| session.channels(&prims))
     }
 
     /// Samples of an attribute of any prim, each a time code and its numbers; one sample, at 0, of a value that never changes.
