@@ -105,11 +105,8 @@ impl Resolver<'_> {
         let data = self.of_file(path, mesh.read())?;
         let start = self.description.garments[garment].start.clone();
         let places = start.unwrap_or_else(|| data.mesh.points.clone());
-        let (mut triangles, _) = data.mesh.triangulate();
-        let at = |v: u32| places[v as usize];
-        triangles.retain(|[a, b, c]| (at(*b) - at(*a)).cross(&(at(*c) - at(*a))).norm() > 0.0);
-        let Some(bound) = SurfaceBinding::new(places, triangles, &from.start, &[]) else {
-            self.error(path, format!("garment \"{}\" has no faces to sew to", to.garment));
+        let Some(bound) = SurfaceBinding::new(places, data.mesh.triangulate().0, &from.start, &[]) else {
+            self.error(path, format!("garment \"{}\" has no face with an area to sew to", to.garment));
             return None;
         };
         let points = from.vertices.iter().zip(bound.places());
