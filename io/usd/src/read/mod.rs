@@ -341,6 +341,25 @@ impl Stage {
         self.ask(move |session| session.meshes.borrow()[mesh].integers(&session.reading, &name, code))
     }
 
+    /// Numbers in single precision that an attribute of a chosen mesh holds at a time code, those of vectors one after the other;
+    /// `None` when it has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn floats(&self, mesh: usize, attribute: &str, code: f64) -> Result<Option<Vec<f32>>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].floats(&session.reading, &name, code))
+    }
+
+    /// Text that an attribute of a chosen mesh holds; `None` when it has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn text(&self, mesh: usize, attribute: &str) -> Result<Option<String>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].text(&session.reading, &name))
+    }
+
     /// A chosen mesh at a time code, with what is handed through.
     ///
     /// # Errors
