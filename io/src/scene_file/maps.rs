@@ -64,8 +64,13 @@ impl Resolver<'_> {
         (maps, over_time)
     }
 
-    /// The vertices of a garment where a map is above one half. Problems are recorded.
-    pub(super) fn painted_vertices(&mut self, path: &Path, name: &str, mesh: &GarmentMesh) -> Option<Vec<u32>> {
+    /// The vertices of a garment where the map of a pin or band is above one half. Problems are recorded.
+    pub(super) fn painted_vertices(
+        &mut self,
+        (path, what): (&Path, &str),
+        name: &str,
+        mesh: &GarmentMesh,
+    ) -> Option<Vec<u32>> {
         let data = match name.starts_with(FILE) {
             true => None,
             false => Some(self.of_file(path, mesh.read())?),
@@ -78,7 +83,7 @@ impl Resolver<'_> {
             let help = format!("paint the vertices to be held with 1; its largest value is {most}");
             self.error_with(
                 path,
-                format!("the map `{name}` is nowhere above {HELD}, so this pin holds no vertex"),
+                format!("the map `{name}` is nowhere above {HELD}, so this {what} holds no vertex"),
                 help,
             );
             return None;

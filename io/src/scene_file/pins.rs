@@ -59,18 +59,17 @@ pub(super) struct Named<'a> {
     pub(super) corners: Option<&'a [Corner]>,
     pub(super) nodes: Option<&'a [[f64; 2]]>,
     pub(super) region: Option<Region>,
+    pub(super) map: Option<&'a str>,
 }
 
 impl Named<'_> {
     /// Returns the number of ways that are used.
     pub(super) fn ways(&self) -> usize {
-        [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some(), self.region.is_some()]
-            .into_iter()
-            .filter(|way| *way)
-            .count()
+        let lists = [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some()];
+        lists.into_iter().chain([self.region.is_some(), self.map.is_some()]).filter(|way| *way).count()
     }
 
-    /// The vertices in the order in which they are named; only a region looks at where they start.
+    /// The vertices in the order in which they are named, but for those of a map; only a region looks at where they start.
     ///
     /// # Errors
     /// Names that fit no panel.
@@ -91,36 +90,6 @@ impl Named<'_> {
             (_, nodes) => nodes.iter().copied().flatten().map(|[u, v]| node(*u, *v)).collect(),
         })
     }
-}
-
-/// The vertices that a pin names.
-///
-/// # Errors
-/// Not exactly one way of naming them, or names that fit no panel.
-fn vertices(
-    pin: &Pin,
-    garment: &ReadGarment<'_>,
-    (file, painted): (Option<&PinFile>, Option<Vec<u32>>),
-) -> Result<Vec<u32>, String> {
-    let named = Named {
-        vertices: pin.vertices.as_deref(),
-        corners: pin.corners.as_deref(),
-        nodes: pin.nodes.as_deref(),
-        region: pin.region,
-    };
-    if named.ways() + usize::from(pin.file.is_some()) + usize::from(pin.map.is_some()) != 1 {
-        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`".to_owned());
-    }
-    Ok(match (file, painted) {
-        (Some(file), _) => file.pins.iter().map(|p| p.vertex).collect(),
-        (_, Some(painted)) => painted,
-        (None, None) => {
-            let mut chosen = named.find(garment.places, garment.grid)?;
-            chosen.sort_unstable();
-            chosen.dedup();
-            chosen
-        }
-    })
 }
 
 /// Fractions along x and z.
@@ -191,6 +160,20 @@ impl Resolver<'_> {
         None
     }
 
+    /// Vertices that a pin or band at a path names, at least one. Problems are recorded.
+    fn chosen(
+        &mut self,
+        (path, what): (&Path, &str),
+        named: &Named<'_>,
+        garment: &ReadGarment<'_>,
+    ) -> Option<Vec<u32>> {
+        if let Some(name) = named.map {
+            return self.painted_vertices((&path.clone().key("map"), what), name, garment.mesh);
+        }
+        let chosen = self.check(path, named.find(garment.places, garment.grid))?;
+        self.existing((path, what), chosen, garment.points, (named.region, garment.places))
+    }
+
     /// Resolves one elastic band of a garment. Problems are recorded, and the band is then left out.
     pub(super) fn elastic(
         &mut self,
@@ -200,17 +183,13 @@ impl Resolver<'_> {
         garment: &ReadGarment<'_>,
     ) -> Option<ElasticDescription> {
         let Elastic { vertices, nodes, region, map } = band;
-        let named = Named { vertices: vertices.as_deref(), corners: None, nodes: nodes.as_deref(), region: *region };
-        if named.ways() + usize::from(map.is_some()) != 1 {
+        let (vertices, nodes, map) = (vertices.as_deref(), nodes.as_deref(), map.as_deref());
+        let named = Named { vertices, corners: None, nodes, region: *region, map };
+        if named.ways() != 1 {
             self.error(path, "an elastic band needs exactly one of `vertices`, `nodes`, `where` and `map`");
             return None;
         }
-        let chosen = match map {
-            Some(name) => Ok(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
-            None => named.find(garment.places, garment.grid),
-        };
-        let chosen = self.check(path, chosen)?;
-        let vertices = self.existing((path, "elastic band"), chosen, garment.points, (*region, garment.places))?;
+        let vertices = self.chosen((path, "elastic band"), &named, garment)?;
         let settings = self.settings(path, ElasticDescription::FIELDS);
         Some(ElasticDescription {
             garment: index,
@@ -229,6 +208,17 @@ impl Resolver<'_> {
         index: usize,
         garment: &ReadGarment<'_>,
     ) -> Option<PinDescription> {
+        let named = Named {
+            vertices: pin.vertices.as_deref(),
+            corners: pin.corners.as_deref(),
+            nodes: pin.nodes.as_deref(),
+            region: pin.region,
+            map: pin.map.as_deref(),
+        };
+        if named.ways() + usize::from(pin.file.is_some()) != 1 {
+            self.error(path, "a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`");
+            return None;
+        }
         let file = match &pin.file {
             Some(name) => {
                 let file = self.scene.folder.join(name);
@@ -240,12 +230,18 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let painted = match &pin.map {
-            Some(name) => Some(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
-            None => None,
+        let vertices = match &file {
+            Some(file) => {
+                let vertices = file.pins.iter().map(|pin| pin.vertex).collect();
+                self.existing((path, "pin"), vertices, garment.points, (None, garment.places))?
+            }
+            None => {
+                let mut vertices = self.chosen((path, "pin"), &named, garment)?;
+                vertices.sort_unstable();
+                vertices.dedup();
+                vertices
+            }
         };
-        let chosen = self.check(path, vertices(pin, garment, (file.as_ref(), painted)))?;
-        let vertices = self.existing((path, "pin"), chosen, garment.points, (pin.region, garment.places))?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(path, body, vertices, file.as_ref())?
         } else if pin.to == "track" {

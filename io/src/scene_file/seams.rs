@@ -161,6 +161,7 @@ fn named(side: &SeamSide) -> Named<'_> {
         corners: side.corners.as_deref(),
         nodes: side.nodes.as_deref(),
         region: side.region,
+        map: None,
     }
 }
 

@@ -82,9 +82,6 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
         let (frames, between) = samples_of(path, name, (about.range, stored), codes_per_frame)?;
         let of_frames = frames.iter().map(|frame| *frame as f64 * codes_per_frame);
         let codes: Vec<f64> = of_frames.chain(between.iter().copied()).collect();
-        let left = chosen.left_out_of_each[mesh].iter();
-        let left = left.filter(|left| split_normals.is_none() || *left != CORNER_NORMALS);
-        let left = left.map(|left| left_out(name, left));
         let fixed = stage.fixed_to_world(mesh)?;
         let origin = fixed.and_then(shift);
         let (attributes, split_normals) = match origin {
@@ -92,6 +89,9 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
             // Rest positions and normals would have to be moved with the points.
             None => (PointAttributes::default(), None),
         };
+        let left = chosen.left_out_of_each[mesh].iter();
+        let left = left.filter(|left| split_normals.is_none() || *left != CORNER_NORMALS);
+        let left = left.map(|left| left_out(name, left));
         let read = |name: &str| attributes.moving().any(|read| primvar_of(read) == name);
         let moving = chosen.moving_primvars_of_each[mesh].iter().filter(|name| !read(name));
         let moving =
