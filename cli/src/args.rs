@@ -335,10 +335,10 @@ pub(crate) struct VerifyArgs {
 /// Arguments of `status`.
 #[derive(Debug, Args)]
 pub(crate) struct StatusArgs {
-    /// Folders of runs
+    /// Folders of runs, or of wedges for all of their runs
     #[arg(value_name = "DIR", required = true)]
     pub(crate) folders: Vec<PathBuf>,
-    /// Print a JSON object for each folder, one a line
+    /// Print a JSON object for each run, one a line
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -134,12 +134,13 @@ fn frame_json(report: &FrameReport<'_>, left: f64, resident: Option<u64>) -> ser
     })
 }
 
-/// `42s`, `39m`, `2h05m`.
+/// `42s`, `1m39s`, `39m`, `2h05m`: one form for each length.
 pub(crate) fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     match whole {
-        0..=99 => format!("{whole}s"),
-        100..=5999 => format!("{}m", (whole + 30) / 60),
+        0..60 => format!("{whole}s"),
+        60..600 => format!("{}m{:02}s", whole / 60, whole % 60),
+        600..3600 => format!("{}m", whole / 60),
         _ => format!("{}h{:02}m", whole / 3600, whole % 3600 / 60),
     }
 }
@@ -181,6 +182,8 @@ mod tests {
 
     #[test]
     fn durations_are_short() {
+        assert_eq!([59.6, 99.0, 100.0, 599.0].map(duration), ["1m00s", "1m39s", "1m40s", "9m59s"]);
+        assert_eq!([3599.0, 3600.0, 5940.0].map(duration), ["59m", "1h00m", "1h39m"]);
         assert_eq!(duration(42.4), "42s");
         assert_eq!(duration(2340.0), "39m");
         assert_eq!(duration(7500.0), "2h05m");

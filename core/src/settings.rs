@@ -301,6 +301,13 @@ impl Field {
         (ascending && !keys.is_empty()).then_some(()).ok_or_else(wrong)
     }
 
+    /// The share that a number too large for the field is as a percentage, if the field takes such a share.
+    fn as_share(&self, value: f64) -> Option<f64> {
+        let ((low, high), share) = (self.range, value / 100.0);
+        let takes_shares = self.dimension == Dimension::None && high <= MOST_SHARE;
+        (takes_shares && value > high && (low..=high).contains(&share)).then_some(share)
+    }
+
     fn check_number(&self, value: f64) -> Result<(), String> {
         let (low, high) = self.range;
         if !(value >= low && value <= high) {
@@ -312,7 +319,9 @@ impl Field {
                 (_, f64::INFINITY) => format!("has to be {} or more", with_unit(low)),
                 _ => format!("is outside {} to {}", short(low), with_unit(high)),
             };
-            return Err(format!("`{}` = {} {expected}: {}", self.name, with_unit(value), self.help));
+            let share =
+                self.as_share(value).map_or(String::new(), |share| format!("; for {} % write {share}", short(value)));
+            return Err(format!("`{}` = {} {expected}: {}{share}", self.name, with_unit(value), self.help));
         }
         match self.default {
             Default::Count(_) if value.fract() != 0.0 => Err(self.expected()),
@@ -320,6 +329,9 @@ impl Field {
         }
     }
 }
+
+/// Largest top of a range of shares, as of strains and scales; ranges that reach higher are no shares.
+const MOST_SHARE: f64 = 10.0;
 
 /// A number with as few digits as it has.
 pub fn short(value: f64) -> String {
@@ -417,6 +429,24 @@ mod tests {
         let of = |word| nearest(word, ["preview", "production", "steps_per_frame"].into_iter());
         assert_eq!([of("prod"), of("frame"), of("pr")], [Some("production"), Some("steps_per_frame"), None]);
         assert_eq!(nearest("pre", ["preview", "preroll"].into_iter()), None, "both begin with it");
+    }
+
+    #[test]
+    fn a_percentage_in_the_place_of_a_share_is_told_the_share() {
+        let share = |range| Field { dimension: Dimension::None, ..field("share", Default::Number(1.0), range) };
+        let refused = |field: Field, value| field.check(&SettingValue::Number(value)).unwrap_err();
+        assert!(
+            refused(share((0.01, 10.0)), 90.0).ends_with("is outside 0.01 to 10: what it does; for 90 % write 0.9")
+        );
+        assert!(refused(share((0.0, 0.99)), 5.0).ends_with("; for 5 % write 0.05"));
+        for (field, value) in [
+            (share((0.01, 10.0)), 5000.0),
+            (share((0.01, 10.0)), -90.0),
+            (share((0.0, 1e3)), 5000.0),
+            (field("time", Default::Number(1.0), (0.0, 1.0)), 90.0),
+        ] {
+            assert!(refused(field, value).ends_with("what it does"), "{}", refused(field, value));
+        }
     }
 
     #[test]

@@ -94,13 +94,13 @@ pub const OVERSTRETCHED: f64 = 1.0;
 /// Distance from the nearest place of a body, in mean edges at the vertex and in thicknesses of garment and body together, above
 /// both of which a pinned vertex is far from it: neighbours of a vertex so many edges away find places apart from each other, and
 /// clothes are modelled a few thicknesses off the skin. Guarded by `vertices_bound_far_from_a_body_are_named_by_any_ranks`.
-pub(crate) const FAR_BOUND_EDGES: f64 = 3.0;
+pub const FAR_BOUND_EDGES: f64 = 3.0;
 /// See [`FAR_BOUND_EDGES`].
-pub(crate) const FAR_BOUND_THICKNESSES: f64 = 10.0;
+pub const FAR_BOUND_THICKNESSES: f64 = 10.0;
 /// Distance above which a pinned vertex is far from a body however coarse and thick the cloth is [m]: a loose sleeve is modelled some
 /// centimetres off the arm, and no hem that a pin is to hold. Guarded by
 /// `vertices_bound_far_from_a_body_are_named_however_long_their_edges_are`.
-pub(crate) const FAR_BOUND: f64 = 0.05;
+pub const FAR_BOUND: f64 = 0.05;
 
 /// Fraction by which a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the
 /// frame for one more step. Guarded by

@@ -255,10 +255,7 @@ impl BeltReader {
     /// # Errors
     /// The body has no face with an area.
     pub(crate) fn new(source: MeshSource, body: &PolygonMesh, band: PolygonMesh) -> Result<Self, String> {
-        let (mut triangles, _) = body.triangulate();
-        let at = |v: u32| body.points[v as usize];
-        triangles.retain(|[a, b, c]| (at(*b) - at(*a)).cross(&(at(*c) - at(*a))).norm() > 0.0);
-        let binding = SurfaceBinding::new(body.points.clone(), triangles, &band.points, &[]);
+        let binding = SurfaceBinding::new(body.points.clone(), body.triangulate().0, &band.points, &[]);
         let binding = binding.ok_or("the body has no face with an area")?;
         let faces = Connectivity { face_counts: band.face_counts, face_indices: band.face_indices };
         Ok(Self { source, binding, faces })

@@ -14,6 +14,51 @@ pub struct FileSummary {
     pub meshes: Vec<MeshSummary>,
     /// Objects that are no meshes: path and kind.
     pub others: Vec<(String, String)>,
+    /// Numbers that change over time, which a scene can follow.
+    pub channels: Vec<ChannelSummary>,
+}
+
+/// A property of an object, of one number or of three, that changes over time.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct ChannelSummary {
+    /// Path of the object and name of the property, as a scene writes them: `/control.slip`.
+    pub channel: String,
+    /// Numbers of a sample.
+    pub numbers: usize,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+impl ChannelSummary {
+    /// The channel, if a scene can follow so many numbers in so many samples: one or three that change.
+    pub(crate) fn of(object: &str, property: &str, numbers: usize, samples: usize) -> Option<Self> {
+        let is_one = matches!(numbers, 1 | 3) && samples > 1;
+        is_one.then(|| Self { channel: format!("{object}.{property}"), numbers, samples })
+    }
+}
+
+/// Normals of a mesh.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Normals {
+    /// None are stored.
+    #[default]
+    No,
+    /// The same for all faces at a point.
+    Smooth,
+    /// Several at the points of hard edges.
+    Split,
+}
+
+impl Normals {
+    /// Normals that are stored, or not, and whether hard edges split them.
+    pub(crate) fn of(are_stored: bool, are_split: bool) -> Self {
+        match (are_stored, are_split) {
+            (false, _) => Self::No,
+            (true, false) => Self::Smooth,
+            (true, true) => Self::Split,
+        }
+    }
 }
 
 /// A mesh of a file.
@@ -37,6 +82,8 @@ pub struct MeshSummary {
     pub uvs: Option<(String, usize)>,
     /// Face sets and their number of faces.
     pub face_sets: Vec<(String, usize)>,
+    /// Normals of the first sample.
+    pub normals: Normals,
     /// Names of other attributes.
     pub attributes: Vec<String>,
     /// Whether velocities are stored.

@@ -99,6 +99,11 @@ impl GarmentMesh {
         &self.object_path
     }
 
+    /// Its file; empty where it was generated.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Whether it comes from a file and was not generated.
     pub fn is_from_file(&self) -> bool {
         !self.path.as_os_str().is_empty()

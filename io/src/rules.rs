@@ -154,6 +154,24 @@ pub static RULES: [Rule; 21] = [
         line: "gas = true",
     },
     Rule {
+        name: "outside_shot",
+        finds: "pins, seams, paths and winds whose times lie outside the shot, so that they never act",
+        exactly: "Times count in seconds since the first frame; with a pre-roll the shot starts below zero. The rule \
+                  finds pins that are released before the start or caught after the last frame; seams that are open \
+                  or closed before the start, or never close or open; spins that never start; and paths and keys of \
+                  the wind of which none lies in the shot. One key alone is a place and no motion. It looks at all \
+                  frames of the scene, even if a run asks for fewer. Curves by frame are refused instead.",
+        line: "until = 1.5",
+    },
+    Rule {
+        name: "seam_gap",
+        finds: "a seam with `pairing = \"surface\"` whose vertices start far from the surface that they are sewn to",
+        exactly: "A vertex is far if its gap is more than three edges of the face there and ten thicknesses of both \
+                  garments, or more than 5 cm. The stitch then pulls over that distance, or keeps it with `keep_gap`. \
+                  Other seams are meant to close a gap, and are not tested.",
+        line: "start = \"patch.abc@1\"",
+    },
+    Rule {
         name: "unopened_format",
         finds: "no caches, or only caches in formats that no application opens",
         exactly: "HDF5 is for analysis. Silent if another format is written beside it.",

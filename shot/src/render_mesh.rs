@@ -89,7 +89,7 @@ impl RenderMesh {
         let triangles = triangles_of(&cloth);
         let bind = |rigid: &[Vec<u32>]| {
             SurfaceBinding::new(cloth.mesh.points.clone(), triangles.clone(), &mesh.points, rigid)
-                .ok_or_else(|| broken(format!("garment \"{name}\" has no triangle to follow")))
+                .ok_or_else(|| broken(format!("garment \"{name}\" has no triangle with an area to follow")))
         };
         // Judged is where each point is, also those that move with the middle of their part.
         let own = bind(&[])?;

@@ -14,7 +14,7 @@ use drapery_core::scene::Timeline;
 use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::Simulation;
 use drapery_io::attributes::{Attribute, PointAttributes};
-use drapery_io::cache::APPLICATION;
+use drapery_io::cache::{APPLICATION, CachePlan};
 use drapery_io::checkpoint::FORMAT_VERSION;
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
@@ -130,6 +130,7 @@ impl Shot {
             output: &output,
             check: &check,
             body_thickness: &body_thickness,
+            last_frame: description.frames[1],
         };
         let mut of_rules = rules::of_scene(&facts);
         let about = About {
@@ -246,6 +247,25 @@ impl Shot {
     /// Returns the origin of the positions in the caches [m].
     pub fn origin(&self) -> Vec3 {
         self.simulation().scene().origin()
+    }
+
+    /// Plan of a cache of this name that holds positions and velocities of a mesh.
+    pub(crate) fn cache_plan<'a>(&'a self, name: &'a str, mesh: &'a GarmentMesh) -> CachePlan<'a> {
+        let about = &self.about;
+        CachePlan {
+            garment: name,
+            mesh,
+            units: about.output.units,
+            origin: self.origin(),
+            timeline: about.timeline,
+            first_frame: about.first_frame,
+            last_frame: about.last_frame,
+            velocities: about.output.velocities,
+            normals: false,
+            crossings: false,
+            sub_frames: &about.output.sub_frames,
+            attributes: PointAttributes::default(),
+        }
     }
 
     /// Files that are read and that the scene does not name: layers that others refer to, from whatever folder.

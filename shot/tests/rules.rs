@@ -496,6 +496,76 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
     );
 }
 
+#[test]
+fn times_outside_the_shot_are_told_in_seconds() {
+    // Frames 2 and 3 are at 0 and 0.0417 s.
+    let pin = |keys: &str| with(&format!("[[garment.pin]]\ncorners = [\"i0j0\", \"inj0\"]\n{keys}\n"));
+    let seam = |keys: &str| {
+        with(&format!(
+            "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
+             to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
+        ))
+    };
+    let ball = |keys: &str| with(&format!("{BALL}{keys}\n"));
+    let wind = |keys: &str| with(&format!("[wind]\ndensity = 1\nkeys = {keys}\n"));
+    rule(
+        "outside_shot",
+        without_file,
+        &[
+            (&pin("from = 1.5"), &["pin 0: it never holds: `from` is at 1.5 s, after the last frame", "0.0417 s"]),
+            (&pin("until = 0"), &["it never holds: `until` is at 0 s, before"]),
+            (&pin("from = 3"), &["write 0.0417 in `from` for frame 3"]),
+            (&pin("path = [[2, [0, 0, 0]], [3, [0, 1, 0]]]"), &["nothing moves in the shot: `path` is at 2 s"]),
+            (&pin("path = [[-2, [0, 0, 0]], [-1, [0, 0, 0]]]"), &["`path` is at -1 s, before"]),
+            (&seam("start = 1\nclosed = 2"), &["seam 0: it never closes: `start` is at 1 s"]),
+            (&seam("start = -2\nclosed = -1"), &["it is closed at once: `closed` is at -1 s"]),
+            (&seam("start = -2\nclosed = -2\nopens = -2\nopened = -1"), &["it is open from the start", "`opened`"]),
+            (&seam("start = 0\nclosed = 0\nopens = 7"), &["it never opens: `opens` is at 7 s"]),
+            (&seam("keep_gap = true\nopens = 7"), &["it never opens: `opens` is at 7 s"]),
+            (&ball("path = [[2, [0, 0, 0]], [3, [0, 1, 0]]]"), &["body \"ball\": nothing moves", "for frame 2"]),
+            (&ball("spin = { from = 9, angular_velocity = [0, 1, 0] }"), &["it never turns: `spin.from` is at 9 s"]),
+            (&wind("[[1, [0, 0, 1]], [2, [0, 0, 2]]]"), &["wind: nothing moves in the shot: `keys` is at 1 s"]),
+        ],
+        &[
+            &pin("from = 0\nuntil = 0.04"),
+            &pin("until = 9"),
+            &pin("path = [[9, [0, 0, 0]]]"),
+            &pin("until = -0.2").replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 24 }"),
+            &seam("start = 0\nclosed = 0\nopens = 0.02"),
+            &seam("closed = 5"),
+            &seam("keep_gap = true"),
+            &ball("path = [[0, [0, 0, 0]], [9, [0, 1, 0]]]"),
+            &ball("spin = { from = 0.01, angular_velocity = [0, 1, 0] }"),
+            &wind("[[0, [0, 0, 1]], [2, [0, 0, 2]]]"),
+        ],
+    );
+}
+
+#[test]
+fn patches_far_from_the_surface_that_they_are_sewn_to_are_told() {
+    // Cells of the sheet are 9 cm, so that 5 cm are the limit.
+    let patch = |height: &str, keys: &str| {
+        with(&format!(
+            "[[garment]]\nname = \"patch\"\nmaterial = \"cotton_shirting\"\n\
+             panel = {{ resolution = 2, side = 0.2, center = [5, {height}, 0] }}\n\
+             [[seam]]\nfrom = {{ garment = \"patch\", corners = [\"i0j0\", \"injn\"] }}\n\
+             to = {{ garment = \"sheet\" }}\npairing = \"surface\"\nstrength = 1\n{keys}\n"
+        ))
+    };
+    rule(
+        "seam_gap",
+        without_file,
+        &[
+            (
+                &patch("1.3", ""),
+                &["seam 0: 2 of its 2 vertices of ", "vertex 0 with a gap of 0.300 m, which the seam closes"],
+            ),
+            (&patch("1.06", "keep_gap = true"), &["a gap of 0.060 m, which the seam keeps"]),
+        ],
+        &[&patch("1.04", "")],
+    );
+}
+
 /// Sheets of n × n points, 1 m wide, at these heights [m], as OBJ; the faces of those that are turned look down.
 fn sheets(n: usize, sheets: &[(f64, bool)]) -> String {
     let mut text = String::new();

@@ -12,11 +12,12 @@ import math
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import bpy
 import numpy as np
+
+from blender_ticks import ticked_until
 
 MODULE = "bl_ext.user_default.drapery_cloth"
 FIRST, LAST = 1001, 1006
@@ -377,13 +378,7 @@ def effects(folder):
 
 
 def until(found, seconds=60.0):
-    """Ticks until something is so; raises `TimeoutError`."""
-    end = time.monotonic() + seconds
-    while not found():
-        work().tick()
-        if time.monotonic() > end:
-            raise TimeoutError(repr(vars(view())))
-        time.sleep(0.02)
+    ticked_until(found, work(), seconds)
 
 
 def state_is(*states):

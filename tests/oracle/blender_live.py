@@ -8,13 +8,13 @@ import json
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 from blender_artist import FOLDER, chosen, group, main, mark, mesh_of, panel, part, press, save, shot, undo_step, view  # noqa: E402
+from blender_ticks import ticked_until  # noqa: E402
 
 RUN = FOLDER / "drapery" / "out" / "Scene"
 
@@ -24,13 +24,7 @@ def work():
 
 
 def until(found, seconds=60.0):
-    """Ticks until something is so; raises `TimeoutError`."""
-    end = time.monotonic() + seconds
-    while not found():
-        work().tick()
-        if time.monotonic() > end:
-            raise TimeoutError(repr(vars(view())))
-        time.sleep(0.01)
+    ticked_until(found, work(), seconds)
 
 
 def live():

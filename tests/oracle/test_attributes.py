@@ -221,10 +221,29 @@ def test_convert_keeps_them_between_formats_and_units(shot, tmp_path):
     assert np.allclose(seen["thickness"], CLOTH, rtol=1e-6) and np.array_equal(seen["strain"], cache["strain"])
 
 
+def test_the_stage_of_the_shot_as_one_layer_keeps_all_their_values(shot, tmp_path):
+    from pxr import Usd
+
+    (stage,) = shot.glob("*.usda")
+    layer = tmp_path / "all.usdc"
+    done = drapery("convert", stage, layer)
+    assert done.returncode == 0 and "left out" not in done.stdout + done.stderr and "animated" not in done.stdout + done.stderr, done
+    for garment in ("lower", "upper"):
+        cache, path = held(shot / f"{garment}.h5"), f"/{stage.stem}/{garment}/{garment}Shape"
+        prim = Usd.Stage.Open(str(layer)).GetPrimAtPath(path)
+        for name in ("strain", "contact"):
+            seen = np.array([prim.GetAttribute(f"primvars:{name}").Get(frame) for frame in range(1001, 1005)])
+            assert np.array_equal(seen, cache[name]) and not np.array_equal(seen[0], seen[-1]), name
+        for source in (stage, layer):
+            back = tmp_path / f"{source.suffix[1:]}_{garment}.h5"
+            assert drapery("convert", source, back, "--object", path).returncode == 0
+            assert all(np.array_equal(held(back)[name], cache[name]) for name in ALL), source
+
+
 def test_info_lists_them_and_verify_judges_them(shot, tmp_path):
     for name, rest in (("lower.abc", "Pref"), ("lower.usd", "rest"), ("lower.h5", "rest")):
         said = drapery("info", shot / name).stdout
-        assert all(word in said for word in (rest, "strain", "contact", "thickness")), said
+        assert all(word in said for word in (rest, "strain", "contact", "thickness", "  normals: smooth\n")), said
     for name in ("lower.abc", "lower.usd"):
         verified = drapery("verify", shot / name)
         assert verified.returncode == 0, verified.stdout + verified.stderr

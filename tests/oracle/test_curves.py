@@ -158,6 +158,11 @@ def alembic_channels(path):
 @pytest.mark.parametrize(("name", "write"), [("control.usda", usd_channels), ("control.usdc", usd_channels), ("control.abc", alembic_channels)])
 def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     write(tmp_path / name)
+    held = subprocess.run([DRAPERY, "info", str(tmp_path / name)], capture_output=True, text=True, check=True).stdout
+    samples = 5 if name == "control.abc" else 2
+    for line in (f"rate: one number, {samples} samples", f"fall: three numbers, {samples} samples"):
+        assert f"\nchannel /shot/control.{line}\n" in held, held
+    assert held.count("channel ") == 2, "the word is none"
     channel = lambda property, more="": f'{{ file = "{name}", channel = "/shot/control.{property}"{more} }}'
     (tmp_path / "channels.toml").write_text(SLIDE.format(gravity=channel("fall"), rate=channel("rate", ", scale = 0.01")))
     keys = "[[1001, {}], [1005, {}]]"

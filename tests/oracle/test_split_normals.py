@@ -147,6 +147,7 @@ def test_normals_are_those_of_the_faces_that_are_smooth_with_each_other(shot, na
 @pytest.mark.parametrize("ending", ["abc", "usd"])
 def test_official_readers_see_normals_that_hard_edges_split(shot, name, ending):
     _, normals, is_split = stored(shot / f"{name}.h5")
+    assert f"  normals: {'split by hard edges' if is_split else 'smooth'}\n" in drapery("info", shot / f"{name}.{ending}")
     seen = ask("split_normals.py", shot / f"{name}.{ending}")
     assert seen["of_corners"] == is_split
     if is_split:
@@ -192,6 +193,10 @@ def test_convert_and_verify_know_them(shot, tmp_path):
     for target in ("abc", "usd", "usdc"):
         seen = ask("split_normals.py", tmp_path / f"groups.{target}")
         assert seen["of_corners"] and np.array_equal(seen["normals"].astype(np.float32), normals)
+    (stage,) = shot.glob("*.usda")
+    said = drapery("convert", stage, tmp_path / "one.usdc", "--object", f"/{stage.stem}/groups/groupsShape")
+    seen = ask("split_normals.py", tmp_path / "one.usdc")
+    assert seen["of_corners"] and np.array_equal(seen["normals"].astype(np.float32), normals) and "not copied" not in said
     drapery("convert", shot / "groups.abc", tmp_path / "cut.abc", "--triangles")
     seen = ask("split_normals.py", tmp_path / "cut.abc")
     assert seen["of_corners"] and seen["normals"].shape == (3, 36, 3)

@@ -60,6 +60,8 @@ def test_the_table_holds_what_the_caches_say(fabrics):
     """Strain and distance from the first run, computed anew from positions."""
     out, _ = fabrics
     rows = table(out)
+    for name, row in rows.items():
+        assert name == f"fabric={row['fabric']},friction={row['body.ball.friction']}"
     runs = {name: Run(out / name) for name in rows}
     first, last = next(iter(runs.values())), list(runs)[-1]
     apart = np.linalg.norm(runs[last].positions("square") - first.positions("square"), axis=2)
@@ -125,6 +127,10 @@ def test_a_wedge_that_was_stopped_goes_on_where_it_was(tmp_path):
     assert [row["state"] for row in table(tmp_path / "out").values()] == ["stopped", "not run"]
     # Jobs of a scheduler do the rest, and the wedge runs nothing again.
     listed = said("wedge", *command[2:], "--list").splitlines()
+    assert len(listed) == 2 and not any("--threads" in line for line in listed), "the host of a job has its own cores"
+    assert all("--threads 3" in line for line in said("wedge", *command[2:], "--list", "--threads", "3").splitlines())
+    shown = said("status", tmp_path / "out")
+    assert "resolution=40" in shown and "stopped" in shown, "the runs of the wedge that have begun"
     for line in listed:
         subprocess.run(["bash", "-c", line.replace("drapery", str(DRAPERY), 1)], check=True, stdout=subprocess.DEVNULL)
     assert [row["state"] for row in table(tmp_path / "out").values()] == ["stopped", "not run"]

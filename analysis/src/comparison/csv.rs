@@ -4,17 +4,18 @@ use drapery_shot::run_record::folder::RunFolder;
 
 use super::figures::RunFigures;
 
-const HEAD: &str = "run,state,frames_done,frames_total,seconds,median_seconds_a_frame,strain_garment,strain_p99_9,strain_limit,\
+const FIGURES: &str = "state,frames_done,frames_total,seconds,median_seconds_a_frame,strain_garment,strain_p99_9,strain_limit,\
 degradations,retries,distance_rms_m,distance_max_m";
 
-/// The whole table.
-pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures]) -> String {
+/// The whole table; every key that the runs set is a column behind their names.
+pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures], settings: &[Vec<(String, String)>]) -> String {
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
     let optional = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let line = |((name, _), run): (&(String, RunFolder), &RunFigures)| {
+    let line = |(((name, _), run), settings): ((&(String, RunFolder), &RunFigures), &Vec<(String, String)>)| {
         let strain = run.strain.as_ref();
-        [
-            quoted(name),
+        let mut fields = vec![quoted(name)];
+        fields.extend(settings.iter().map(|(_, value)| quoted(value)));
+        fields.extend([
             run.state.clone(),
             run.frames.0.to_string(),
             run.frames.1.to_string(),
@@ -27,11 +28,12 @@ pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures]) -> Strin
             run.retries.to_string(),
             optional(run.distance.map(|[rms, _]| rms)),
             optional(run.distance.map(|[_, most]| most)),
-        ]
-        .join(",")
+        ]);
+        fields.join(",")
     };
-    let lines: Vec<String> = runs.iter().zip(figures).map(line).collect();
-    format!("{HEAD}\n{}\n", lines.join("\n"))
+    let lines: Vec<String> = runs.iter().zip(figures).zip(settings).map(line).collect();
+    let keys: String = settings.iter().take(1).flatten().map(|(key, _)| format!("{},", quoted(key))).collect();
+    format!("run,{keys}{FIGURES}\n{}\n", lines.join("\n"))
 }
 
 #[cfg(test)]
@@ -47,8 +49,14 @@ mod tests {
             ..RunFigures::default()
         };
         let runs = ["a", "b"].map(|name| (name.to_owned(), RunFolder::default()));
-        let text = csv(&runs, &[RunFigures::default(), full]);
-        let fields: Vec<usize> = text.lines().map(|line| line.split(',').count()).collect();
-        assert_eq!(fields, [13; 3], "{text}");
+        let figures = [RunFigures::default(), full];
+        let fields = |text: &str| text.lines().map(|line| line.split(',').count()).collect::<Vec<_>>();
+        let text = csv(&runs, &figures, &[vec![], vec![]]);
+        assert_eq!(fields(&text), [13; 3], "{text}");
+        let set = |cfl: &str| vec![("solver.cfl".to_owned(), cfl.to_owned()), ("fabric".to_owned(), "wool".to_owned())];
+        let text = csv(&runs, &figures, &[set("4"), set("2")]);
+        assert_eq!(fields(&text), [15; 3], "{text}");
+        assert!(text.starts_with("run,\"solver.cfl\",\"fabric\",state,"), "{text}");
+        assert!(text.contains("\"b\",\"2\",\"wool\","), "{text}");
     }
 }

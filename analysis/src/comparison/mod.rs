@@ -15,6 +15,7 @@ use drapery_shot::run_record::folder::RunFolder;
 use crate::page::document;
 use crate::page::table::{Cell, number, section, words};
 use crate::page::text::{self, escape};
+use crate::wedge::WedgeRun;
 use crate::{contact_sheet, report};
 use figures::RunFigures;
 
@@ -31,6 +32,8 @@ pub struct Comparison {
     runs: Vec<(String, RunFolder)>,
     /// The figures of each.
     figures: Vec<RunFigures>,
+    /// Keys and values that each sets in the scene, the same keys in all; empty where they are not known.
+    settings: Vec<Vec<(String, String)>>,
 }
 
 impl Comparison {
@@ -46,12 +49,12 @@ impl Comparison {
         folders.iter().map(read).collect::<Result<Vec<_>, IoError>>().map(Self::of_runs)
     }
 
-    /// Reads the runs of these names in a folder; a run that has written nothing is listed as such.
+    /// Reads the runs of a wedge in its folder; a run that has written nothing is listed as such.
     ///
     /// # Errors
     /// The manifest or the record of a run cannot be read.
-    pub fn in_folder(folder: &Path, names: &[&str]) -> Result<Self, IoError> {
-        let read = |name: &&str| {
+    pub fn of_wedge(folder: &Path, runs: &[WedgeRun]) -> Result<Self, IoError> {
+        let read = |WedgeRun { name, .. }: &WedgeRun| {
             let run = match RunFolder::read(&folder.join(name)) {
                 Err(IoError::NoRun { path }) => {
                     let mut run = RunFolder { path, ..RunFolder::default() };
@@ -60,14 +63,16 @@ impl Comparison {
                 }
                 other => other?,
             };
-            Ok(((*name).to_owned(), run))
+            Ok((name.clone(), run))
         };
-        names.iter().map(read).collect::<Result<Vec<_>, IoError>>().map(Self::of_runs)
+        let settings = runs.iter().map(|run| run.settings.clone()).collect();
+        Ok(Self { settings, ..Self::of_runs(runs.iter().map(read).collect::<Result<_, IoError>>()?) })
     }
 
     fn of_runs(runs: Vec<(String, RunFolder)>) -> Self {
         let figures = runs.iter().map(|(_, run)| RunFigures::of(run, &runs[0].1)).collect();
-        Self { runs, figures }
+        let settings = vec![Vec::new(); runs.len()];
+        Self { runs, figures, settings }
     }
 
     /// Writes the page, and the table as CSV beside it; returns the two paths.
@@ -76,7 +81,7 @@ impl Comparison {
     /// A file cannot be written.
     pub fn write(&self, page: &Path) -> Result<[PathBuf; 2], IoError> {
         let table = page.with_extension("csv");
-        atomic_file::replace(&table, csv::csv(&self.runs, &self.figures).as_bytes())?;
+        atomic_file::replace(&table, csv::csv(&self.runs, &self.figures, &self.settings).as_bytes())?;
         atomic_file::replace(page, self.page(page.parent().unwrap_or(Path::new(""))).as_bytes())?;
         Ok([page.to_owned(), table])
     }
@@ -201,7 +206,8 @@ mod tests {
     #[test]
     fn a_run_that_has_written_nothing_is_listed() {
         let folder = tempfile::tempdir().unwrap();
-        let compared = Comparison::in_folder(folder.path(), &["cfl=4", "cfl=2"]).unwrap();
+        let vary = [("solver.cfl".to_owned(), vec!["4".to_owned(), "2".to_owned()])];
+        let compared = Comparison::of_wedge(folder.path(), &crate::wedge::runs(&vary).unwrap()).unwrap();
         assert_eq!(compared.table().matches(NOT_RUN).count(), 2);
         let refused = Comparison::of(&[folder.path().join("cfl=4")]).unwrap_err();
         assert!(refused.to_string().contains("cfl=4"), "{refused}");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use drapery_io::file_summary::MeshSummary;
+use drapery_io::file_summary::{ChannelSummary, MeshSummary, Normals};
 use drapery_io::formats;
 use drapery_shot::run_record::MANIFEST;
 
@@ -35,6 +35,10 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
     for (path, kind) in &summary.others {
         say::line(format_args!("{path}: {kind}"));
     }
+    for ChannelSummary { channel, numbers, samples } in &summary.channels {
+        let numbers = if *numbers == 1 { "one number" } else { "three numbers" };
+        say::line(format_args!("channel {channel}: {numbers}, {samples} samples"));
+    }
     Ok(ExitCode::Done)
 }
 
@@ -61,6 +65,12 @@ fn print_mesh(mesh: &MeshSummary, fps: Option<f64>) {
     for (name, faces) in &mesh.face_sets {
         say::line(format_args!("  face set {name}: {faces} faces"));
     }
+    let normals = match mesh.normals {
+        Normals::No => "no",
+        Normals::Smooth => "smooth",
+        Normals::Split => "split by hard edges",
+    };
+    say::line(format_args!("  normals: {normals}"));
     if !mesh.attributes.is_empty() {
         say::line(format_args!("  attributes: {}", mesh.attributes.join(", ")));
     }

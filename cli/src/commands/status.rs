@@ -1,11 +1,13 @@
 //! `drapery status`: how far runs are.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use drapery_analysis::report::status::{Process, Status};
 use drapery_shot::farm::stale;
+use drapery_shot::run_record::MANIFEST;
 use drapery_shot::run_record::reader::in_words;
 use serde_json::json;
 
@@ -19,13 +21,14 @@ use crate::say;
 pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
     let now = SystemTime::now();
     let mut unreadable: Option<Failure> = None;
-    for (number, folder) in args.folders.iter().enumerate() {
+    let folders: Vec<PathBuf> = args.folders.iter().flat_map(|folder| runs_of(folder)).collect();
+    for (number, folder) in folders.iter().enumerate() {
         match Status::of(folder, now) {
             // A struct of texts and numbers always has a JSON form.
             Ok(status) if args.json => say::line(serde_json::to_string(&status).unwrap_or_default()),
             Ok(status) => {
                 let gap = if number > 0 { "\n" } else { "" };
-                say::line(format_args!("{gap}{}", text(&status, folder, args.folders.len() > 1).trim_end()));
+                say::line(format_args!("{gap}{}", text(&status, folder, folders.len() > 1).trim_end()));
             }
             Err(error) => {
                 if args.json {
@@ -39,6 +42,19 @@ pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
         }
     }
     unreadable.map_or(Ok(ExitCode::Done), Err)
+}
+
+/// Folders of the runs of a wedge, in the order of their names; any other folder as it is.
+fn runs_of(folder: &Path) -> Vec<PathBuf> {
+    let is_run = |folder: &Path| folder.join(MANIFEST).is_file();
+    // A folder that cannot be listed is told as a run that cannot be read.
+    let inside = fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let mut runs: Vec<PathBuf> = inside.filter(|folder| is_run(folder)).collect();
+    if is_run(folder) || runs.is_empty() {
+        return vec![folder.to_owned()];
+    }
+    runs.sort_unstable();
+    runs
 }
 
 /// The lines about a run; `named` adds its folder, since runs of one scene have the same name.

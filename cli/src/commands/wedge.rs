@@ -45,8 +45,9 @@ pub(crate) fn wedge(args: &WedgeArgs, ranks: &Ranks, around: &Environment, quiet
     let scene = &args.scene.scene;
     let name = scene.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}_wedge")));
-    let threads = threads(args, around)?;
     if args.list {
+        // The host that runs them has its own number of cores.
+        let threads = args.scene.threads.map(usize::from);
         for run in &runs {
             let words = run_words(args, run, &out, threads);
             let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
@@ -67,12 +68,12 @@ pub(crate) fn wedge(args: &WedgeArgs, ranks: &Ranks, around: &Environment, quiet
     let requests = StopRequests::default();
     let unasked = Unasked { code: ExitCode::Stopped as u8, by_term: false, command: command.clone() };
     signals::listen(&requests, &unasked)?;
+    let threads = threads(args, around)?;
     let mut running = Wedge { args, program, out: &out, threads, requests: &requests, quiet, failed: 0, stopped: None };
     running.all(&runs)?;
     let Wedge { failed, stopped, .. } = running;
     requests.finish();
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    let compared = Comparison::in_folder(&out, &names)?;
+    let compared = Comparison::of_wedge(&out, &runs)?;
     let pages = compared.write(&out.join(comparison::PAGE))?;
     if !quiet {
         say::line(compared.table().trim_end());
@@ -125,8 +126,8 @@ fn threads(args: &WedgeArgs, around: &Environment) -> Result<usize, Failure> {
     Ok((all / usize::from(args.jobs)).max(1))
 }
 
-/// Words of the command of a run behind the name of the program.
-fn run_words(args: &WedgeArgs, run: &WedgeRun, out: &Path, threads: usize) -> Vec<OsString> {
+/// Words of the command of a run behind the name of the program; without threads it takes those of its host.
+fn run_words(args: &WedgeArgs, run: &WedgeRun, out: &Path, threads: Option<usize>) -> Vec<OsString> {
     let scene = &args.scene;
     let mut words: Vec<OsString> = Vec::new();
     let mut add = |name: &str, value: OsString| words.extend([name.into(), value]);
@@ -151,7 +152,9 @@ fn run_words(args: &WedgeArgs, run: &WedgeRun, out: &Path, threads: usize) -> Ve
     if let Some(folders) = &scene.materials.materials {
         add("--materials", folders.clone());
     }
-    add("--threads", threads.to_string().into());
+    if let Some(threads) = threads {
+        add("--threads", threads.to_string().into());
+    }
     add("--out", out.join(&run.name).into());
     words
 }
@@ -235,7 +238,7 @@ impl Wedge<'_> {
         let log = File::create(&path).map_err(|error| IoError::writing(&path, error))?;
         let errors = log.try_clone().map_err(|error| IoError::writing(&path, error))?;
         let mut command = Command::new(self.program);
-        command.args(run_words(self.args, run, self.out, self.threads));
+        command.args(run_words(self.args, run, self.out, Some(self.threads)));
         if let Some(left) = left {
             command.arg("--max-wall").arg(format!("{}s", left.as_secs().max(1)));
         }

@@ -48,9 +48,14 @@ pub struct SurfaceBinding {
 }
 
 impl SurfaceBinding {
-    /// Binds `points` [m] to a surface at rest: its vertices [m] and their triangles, all of which have an area. The points of each
-    /// list in `rigid` move as one piece; no point is in two of them. `None` if there is no triangle.
-    pub fn new(rest: Vec<Vec3>, triangles: Vec<[u32; 3]>, points: &[Vec3], rigid: &[Vec<u32>]) -> Option<Self> {
+    /// Binds `points` [m] to a surface at rest: its vertices [m] and their triangles, of which those without an area are left out. The
+    /// points of each list in `rigid` move as one piece; no point is in two of them. `None` if no triangle has an area.
+    pub fn new(rest: Vec<Vec3>, mut triangles: Vec<[u32; 3]>, points: &[Vec3], rigid: &[Vec<u32>]) -> Option<Self> {
+        // The frame of a triangle without an area would be NaN.
+        triangles.retain(|corners| {
+            let [a, b, c] = corners.map(|v| rest[v as usize]);
+            (b - a).cross(&(c - a)).norm() > 0.0
+        });
         if triangles.is_empty() {
             return None;
         }

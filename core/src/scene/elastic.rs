@@ -38,7 +38,7 @@ impl ElasticDescription {
 described! { ElasticDescription as elastic {
     "stiffness", elastic.stiffness => Force, default Required, range (0.0, 1e8),
         "force of the band per unit strain, for example \"30 N\"";
-    "rest_scale", elastic.rest_scale => None, default Number(1.0), range (0.01, 100.0),
+    "rest_scale", elastic.rest_scale => None, default Number(1.0), range (0.01, 10.0),
         "relaxed length over that in the rest shape of the garment: 0.7 gathers the cloth to 70 %";
     "damping_ratio", elastic.damping_ratio => None, default Number(1.0), range (0.0, 1e3),
         "damping of each spring as a fraction of critical";

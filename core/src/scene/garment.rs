@@ -81,6 +81,6 @@ described! { GarmentDescription as garment {
     "thickness", garment.thickness => Length, default Quantity("0.5 mm"), range (1e-9, LARGEST_THICKNESS),
         "distance that `self_repulsion` keeps between its layers and from other garments; lowered where edges are short; \
          left out, that of the material";
-    "rest_scale", garment.rest_scale => None, default Number(1.0), range (0.01, 100.0),
+    "rest_scale", garment.rest_scale => None, default Number(1.0), range (0.01, 10.0),
         "lengths at rest over those of the rest shape: below 1 the cloth shrinks, above 1 it grows; its mass stays";
 } }

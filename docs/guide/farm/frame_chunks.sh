@@ -1,6 +1,11 @@
-# Frames of a shot in chunks, for scripts that source this file.
+# Arguments of scripts that split a shot into chunks of frames, which source this file:
+#
+#   NAME FRAMES OUT SCENE FIRST-LAST [arguments of `drapery run`]
+#
+# Sets name, out, scene and chunks: the first and the last frame of each chunk of FRAMES frames, one chunk a line. Leaves the arguments
+# of `drapery run`.
 
-# frame_chunks FRAMES FIRST-LAST: the first and the last frame of each chunk of FRAMES frames, one chunk a line.
+# frame_chunks FRAMES FIRST-LAST: the chunks.
 frame_chunks() {
     [[ $1 =~ ^[1-9][0-9]*$ && $2 =~ ^(-?[0-9]+)-(-?[0-9]+)$ ]] || {
         echo "$0: FRAMES is a number above zero and the range FIRST-LAST, not $1 and $2" >&2
@@ -11,3 +16,8 @@ frame_chunks() {
         echo "$from $((from + $1 - 1 < last ? from + $1 - 1 : last))"
     done
 }
+
+name=${1:?usage: ${0##*/} NAME FRAMES OUT SCENE FIRST-LAST [arguments of drapery run]}
+out=$3 scene=$4
+chunks=$(frame_chunks "$2" "$5")
+shift 5

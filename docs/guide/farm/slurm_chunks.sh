@@ -9,12 +9,8 @@
 #
 # SBATCH="sbatch --partition=night --cpus-per-task=8" adds options of sbatch. Prints the numbers of the jobs.
 set -euo pipefail
-name=${1:?usage: slurm_chunks.sh NAME FRAMES OUT SCENE FIRST-LAST [arguments of drapery run]}
-each=$2 out=$3 scene=$4 range=$5
-shift 5
-# shellcheck source=/dev/null
+# shellcheck source=frame_chunks.sh
 source "$(dirname "$0")/frame_chunks.sh"
-chunks=$(frame_chunks "$each" "$range")
 read -r -a sbatch <<<"${SBATCH:-sbatch}"
 
 after=()

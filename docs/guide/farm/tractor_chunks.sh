@@ -9,12 +9,8 @@
 #
 # DRAPERY names the program if it is not in the PATH.
 set -euo pipefail
-name=${1:?usage: tractor_chunks.sh NAME FRAMES OUT SCENE FIRST-LAST [arguments of drapery run]}
-each=$2 out=$3 scene=$4 range=$5
-shift 5
-# shellcheck source=/dev/null
+# shellcheck source=frame_chunks.sh
 source "$(dirname "$0")/frame_chunks.sh"
-chunks=$(frame_chunks "$each" "$range")
 
 # Words as Tcl reads them, each in braces.
 words() {

@@ -202,7 +202,7 @@ fn summary(path: &Path, kind: Kind) -> Result<FileSummary, IoError> {
         ..MeshSummary::default()
     };
     let format = if kind == Kind::Pc2 { "PC2 point cache" } else { "MDD point cache" };
-    Ok(FileSummary { format, properties, meshes: vec![mesh], others: Vec::new() })
+    Ok(FileSummary { format, properties, meshes: vec![mesh], ..FileSummary::default() })
 }
 
 #[cfg(test)]

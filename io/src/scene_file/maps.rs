@@ -37,11 +37,8 @@ impl Resolver<'_> {
             let here = path.clone().key("maps").key(of.as_str());
             let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);
             let mut read = |name: &str| {
-                let values = match name.strip_prefix(FILE) {
-                    Some(file) => self.map_file(&here, file),
-                    None => data.as_ref().and_then(|data| self.check(&here, attribute(data, name))),
-                };
-                values.map(|values| PaintedMap { values, absolute })
+                let values = self.values(&here, name, mesh, data.as_ref())?;
+                Some(PaintedMap { values, absolute })
             };
             match curves.get(of) {
                 Some(keys) => {
@@ -67,20 +64,18 @@ impl Resolver<'_> {
         (maps, over_time)
     }
 
-    /// The vertices of a garment where a map is above one half. Problems are recorded.
-    pub(super) fn painted_vertices(&mut self, path: &Path, name: &str, mesh: &GarmentMesh) -> Option<Vec<u32>> {
-        let values = match name.strip_prefix(FILE) {
-            Some(file) => self.map_file(path, file)?,
-            None => {
-                let data = self.of_file(path, mesh.read())?;
-                self.check(path, attribute(&data, name))?
-            }
+    /// The vertices of a garment where the map of a pin or band is above one half. Problems are recorded.
+    pub(super) fn painted_vertices(
+        &mut self,
+        (path, what): (&Path, &str),
+        name: &str,
+        mesh: &GarmentMesh,
+    ) -> Option<Vec<u32>> {
+        let data = match name.starts_with(FILE) {
+            true => None,
+            false => Some(self.of_file(path, mesh.read())?),
         };
-        self.same_count(path, "this map", values.len(), "the garment", mesh.point_count())?;
-        if let Some(vertex) = values.iter().position(|value| !value.is_finite()) {
-            self.error(path, format!("the map `{name}` is not a finite number at vertex {vertex}"));
-            return None;
-        }
+        let values = self.values(path, name, mesh, data.as_ref())?;
         let painted: Vec<u32> =
             (0..).zip(&values).filter(|(_, value)| **value > HELD).map(|(vertex, _)| vertex).collect();
         if painted.is_empty() {
@@ -88,12 +83,38 @@ impl Resolver<'_> {
             let help = format!("paint the vertices to be held with 1; its largest value is {most}");
             self.error_with(
                 path,
-                format!("the map `{name}` is nowhere above {HELD}, so this pin holds no vertex"),
+                format!("the map `{name}` is nowhere above {HELD}, so this {what} holds no vertex"),
                 help,
             );
             return None;
         }
         Some(painted)
+    }
+
+    /// Values of a map, one finite number for each vertex: of a text file, or of an attribute of `data`, the rest shape. Problems are
+    /// recorded.
+    fn values(&mut self, path: &Path, name: &str, mesh: &GarmentMesh, data: Option<&MeshData>) -> Option<Vec<f64>> {
+        let (values, source) = match name.strip_prefix(FILE) {
+            Some(file) => (self.map_file(path, file)?, self.scene.folder.join(file).display().to_string()),
+            None => {
+                let values = self.check(path, attribute(data?, name))?;
+                (values, format!("{}, attribute `{name}`", mesh.path().display()))
+            }
+        };
+        let (found, count) = (values.len(), mesh.point_count());
+        if found != count {
+            let what = format!("{source}: this map has {found} values, but the garment has {count} vertices");
+            let help =
+                "paint it on the rest shape of this garment: one value for each vertex, in the order of its points";
+            self.data_error(path, what, help.to_owned());
+            return None;
+        }
+        if let Some(vertex) = values.iter().position(|value| !value.is_finite()) {
+            let what = format!("{source}: the value of vertex {vertex} is {}, not a finite number", values[vertex]);
+            self.data_error(path, what, "repaint this vertex, and export the rest shape again".to_owned());
+            return None;
+        }
+        Some(values)
     }
 
     /// The numbers of a text file, separated by commas, blanks or lines; a list in brackets, as of JSON, is one too.
@@ -118,7 +139,9 @@ fn numbers(text: &str) -> Result<Vec<f64>, (usize, String)> {
     for (line, text) in text.lines().enumerate() {
         let words = text.split(|c: char| c.is_whitespace() || ",;[]".contains(c)).filter(|word| !word.is_empty());
         for word in words {
-            found.push(word.parse().map_err(|_| (line + 1, format!("`{word}` is not a number")))?);
+            let number = word.parse().ok().filter(|number: &f64| number.is_finite());
+            let wrong = || (line + 1, format!("`{word}` is not a number, for vertex {}", found.len()));
+            found.push(number.ok_or_else(wrong)?);
         }
     }
     Ok(found)
@@ -178,7 +201,8 @@ mod tests {
     fn lists_of_numbers_are_read_from_lines_commas_and_brackets() {
         assert_eq!(numbers("1\n0.5, 2e-1\n").unwrap(), [1.0, 0.5, 0.2]);
         assert_eq!(numbers("[1, 2,\n 3]").unwrap(), [1.0, 2.0, 3.0]);
-        assert_eq!(numbers("1\n2 x").unwrap_err().0, 2);
+        assert_eq!(numbers("1\n2 x").unwrap_err(), (2, "`x` is not a number, for vertex 2".to_owned()));
+        assert_eq!(numbers("1\n\nnan").unwrap_err(), (3, "`nan` is not a number, for vertex 1".to_owned()));
     }
 
     #[test]

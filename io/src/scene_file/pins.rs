@@ -59,18 +59,17 @@ pub(super) struct Named<'a> {
     pub(super) corners: Option<&'a [Corner]>,
     pub(super) nodes: Option<&'a [[f64; 2]]>,
     pub(super) region: Option<Region>,
+    pub(super) map: Option<&'a str>,
 }
 
 impl Named<'_> {
     /// Returns the number of ways that are used.
     pub(super) fn ways(&self) -> usize {
-        [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some(), self.region.is_some()]
-            .into_iter()
-            .filter(|way| *way)
-            .count()
+        let lists = [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some()];
+        lists.into_iter().chain([self.region.is_some(), self.map.is_some()]).filter(|way| *way).count()
     }
 
-    /// The vertices in the order in which they are named; only a region looks at where they start.
+    /// The vertices in the order in which they are named, but for those of a map; only a region looks at where they start.
     ///
     /// # Errors
     /// Names that fit no panel.
@@ -93,50 +92,6 @@ impl Named<'_> {
     }
 }
 
-/// Refuses an empty list, and numbers that the garment does not have.
-pub(super) fn existing(chosen: Vec<u32>, count: usize, what: &str) -> Result<Vec<u32>, String> {
-    if chosen.is_empty() {
-        return Err(format!("this {what} holds no vertex"));
-    }
-    match chosen.iter().find(|v| **v as usize >= count) {
-        Some(vertex) => {
-            Err(format!("vertex {vertex} does not exist: the garment has {count} vertices, numbered from 0"))
-        }
-        None => Ok(chosen),
-    }
-}
-
-/// The vertices that a pin names.
-///
-/// # Errors
-/// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
-fn vertices(
-    pin: &Pin,
-    garment: &ReadGarment<'_>,
-    (file, painted): (Option<&PinFile>, Option<Vec<u32>>),
-) -> Result<Vec<u32>, String> {
-    let named = Named {
-        vertices: pin.vertices.as_deref(),
-        corners: pin.corners.as_deref(),
-        nodes: pin.nodes.as_deref(),
-        region: pin.region,
-    };
-    if named.ways() + usize::from(pin.file.is_some()) + usize::from(pin.map.is_some()) != 1 {
-        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`".to_owned());
-    }
-    let chosen = match (file, painted) {
-        (Some(file), _) => file.pins.iter().map(|p| p.vertex).collect(),
-        (_, Some(painted)) => painted,
-        (None, None) => {
-            let mut chosen = named.find(garment.places, garment.grid)?;
-            chosen.sort_unstable();
-            chosen.dedup();
-            chosen
-        }
-    };
-    existing(chosen, garment.points, "pin")
-}
-
 /// Fractions along x and z.
 fn corner(corner: Corner) -> [f64; 2] {
     match corner {
@@ -152,7 +107,73 @@ fn inside(region: Region, point: Vec3) -> bool {
     (0..3).all(|axis| (min[axis]..=max[axis]).contains(&point[axis]))
 }
 
+/// Advice about a region without any of these places: its own fault, or the place nearest to it and the bounds of all.
+fn beside(region: Region, places: &[Vec3]) -> String {
+    let Region::Box { min, max } = region;
+    if let Some(axis) = (0..3).find(|axis| min[*axis] > max[*axis]) {
+        let (axis, low, high) = (["x", "y", "z"][axis], min[axis], max[axis]);
+        return format!("exchange `min` and `max` along {axis}: {low} is above {high}");
+    }
+    let [min, max] = [min, max].map(Vec3::from);
+    let distance = |place: &Vec3| (place - place.sup(&min).inf(&max)).norm();
+    let nearest = places.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+    let Some((vertex, place)) = nearest else { return "the garment has no vertices".to_owned() };
+    let (low, high) = places.iter().fold((*place, *place), |(low, high), place| (low.inf(place), high.sup(place)));
+    let shown = |place: &Vec3| format!("[{:.3}, {:.3}, {:.3}]", place.x, place.y, place.z);
+    format!(
+        "the garment starts from {} to {} m; its vertex nearest to the box is {vertex} at {}, {:.3} m away",
+        shown(&low),
+        shown(&high),
+        shown(place),
+        distance(place)
+    )
+}
+
 impl Resolver<'_> {
+    /// Vertices that a pin, band or seam at a path has chosen, if there are any and the garment has them. `region` is the one that
+    /// chose among these places, if one did. Problems are recorded.
+    pub(super) fn existing(
+        &mut self,
+        (path, what): (&Path, &str),
+        chosen: Vec<u32>,
+        count: usize,
+        (region, places): (Option<Region>, &[Vec3]),
+    ) -> Option<Vec<u32>> {
+        if let Some(vertex) = chosen.iter().find(|v| **v as usize >= count) {
+            let what = format!("vertex {vertex} does not exist: the garment has {count} vertices, numbered from 0");
+            self.error(path, what);
+            return None;
+        }
+        if !chosen.is_empty() {
+            return Some(chosen);
+        }
+        let nothing = format!("this {what} holds no vertex");
+        match region {
+            Some(region) => {
+                let in_files = self.scene.document.units.is_some_and(|units| written(units) != Units::SI);
+                let units =
+                    if in_files { "; its box is in metres with Y up: [units] applies to files only" } else { "" };
+                self.error_with(&path.clone().key("where"), nothing + units, beside(region, places));
+            }
+            None => self.error(path, nothing),
+        }
+        None
+    }
+
+    /// Vertices that a pin or band at a path names, at least one. Problems are recorded.
+    fn chosen(
+        &mut self,
+        (path, what): (&Path, &str),
+        named: &Named<'_>,
+        garment: &ReadGarment<'_>,
+    ) -> Option<Vec<u32>> {
+        if let Some(name) = named.map {
+            return self.painted_vertices((&path.clone().key("map"), what), name, garment.mesh);
+        }
+        let chosen = self.check(path, named.find(garment.places, garment.grid))?;
+        self.existing((path, what), chosen, garment.points, (named.region, garment.places))
+    }
+
     /// Resolves one elastic band of a garment. Problems are recorded, and the band is then left out.
     pub(super) fn elastic(
         &mut self,
@@ -162,17 +183,13 @@ impl Resolver<'_> {
         garment: &ReadGarment<'_>,
     ) -> Option<ElasticDescription> {
         let Elastic { vertices, nodes, region, map } = band;
-        let named = Named { vertices: vertices.as_deref(), corners: None, nodes: nodes.as_deref(), region: *region };
-        if named.ways() + usize::from(map.is_some()) != 1 {
+        let (vertices, nodes, map) = (vertices.as_deref(), nodes.as_deref(), map.as_deref());
+        let named = Named { vertices, corners: None, nodes, region: *region, map };
+        if named.ways() != 1 {
             self.error(path, "an elastic band needs exactly one of `vertices`, `nodes`, `where` and `map`");
             return None;
         }
-        let chosen = match map {
-            Some(name) => Ok(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
-            None => named.find(garment.places, garment.grid),
-        };
-        let chosen = chosen.and_then(|chosen| existing(chosen, garment.points, "elastic band"));
-        let vertices = self.check(path, chosen)?;
+        let vertices = self.chosen((path, "elastic band"), &named, garment)?;
         let settings = self.settings(path, ElasticDescription::FIELDS);
         Some(ElasticDescription {
             garment: index,
@@ -191,6 +208,17 @@ impl Resolver<'_> {
         index: usize,
         garment: &ReadGarment<'_>,
     ) -> Option<PinDescription> {
+        let named = Named {
+            vertices: pin.vertices.as_deref(),
+            corners: pin.corners.as_deref(),
+            nodes: pin.nodes.as_deref(),
+            region: pin.region,
+            map: pin.map.as_deref(),
+        };
+        if named.ways() + usize::from(pin.file.is_some()) != 1 {
+            self.error(path, "a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`");
+            return None;
+        }
         let file = match &pin.file {
             Some(name) => {
                 let file = self.scene.folder.join(name);
@@ -202,17 +230,18 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let painted = match &pin.map {
-            Some(name) => Some(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
-            None => None,
+        let vertices = match &file {
+            Some(file) => {
+                let vertices = file.pins.iter().map(|pin| pin.vertex).collect();
+                self.existing((path, "pin"), vertices, garment.points, (None, garment.places))?
+            }
+            None => {
+                let mut vertices = self.chosen((path, "pin"), &named, garment)?;
+                vertices.sort_unstable();
+                vertices.dedup();
+                vertices
+            }
         };
-        let mut chosen = vertices(pin, garment, (file.as_ref(), painted));
-        if let (Some(_), Err(message)) = (pin.region, &mut chosen)
-            && self.scene.document.units.is_some_and(|units| written(units) != Units::SI)
-        {
-            message.push_str("; its box is in metres with Y up: [units] applies to files only");
-        }
-        let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(path, body, vertices, file.as_ref())?
         } else if pin.to == "track" {

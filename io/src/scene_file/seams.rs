@@ -6,7 +6,7 @@ use drapery_core::scene::{Described, FacePoint, SeamDescription};
 use drapery_core::settings::Member;
 
 use super::deserialize::suggestion;
-use super::pins::{Named, existing};
+use super::pins::Named;
 use super::raw::{PAIRING, Pairing, Seam, SeamSide};
 use super::resolve::Resolver;
 use super::tree::Path;
@@ -105,11 +105,8 @@ impl Resolver<'_> {
         let data = self.of_file(path, mesh.read())?;
         let start = self.description.garments[garment].start.clone();
         let places = start.unwrap_or_else(|| data.mesh.points.clone());
-        let (mut triangles, _) = data.mesh.triangulate();
-        let at = |v: u32| places[v as usize];
-        triangles.retain(|[a, b, c]| (at(*b) - at(*a)).cross(&(at(*c) - at(*a))).norm() > 0.0);
-        let Some(bound) = SurfaceBinding::new(places, triangles, &from.start, &[]) else {
-            self.error(path, format!("garment \"{}\" has no faces to sew to", to.garment));
+        let Some(bound) = SurfaceBinding::new(places, data.mesh.triangulate().0, &from.start, &[]) else {
+            self.error(path, format!("garment \"{}\" has no face with an area to sew to", to.garment));
             return None;
         };
         let points = from.vertices.iter().zip(bound.places());
@@ -150,10 +147,9 @@ impl Resolver<'_> {
         let start = description.start.clone();
         let mesh = self.garments[garment].clone();
         let all = self.places(path, &mesh, start.as_deref(), true)?;
-        let found = named.find(&all, self.grids[garment]).and_then(|chosen| existing(chosen, all.len(), "seam"));
-        let places = |vertices: &Vec<u32>| vertices.iter().map(|v| all[*v as usize]).collect();
-        let with_places = found.map(|vertices| (places(&vertices), vertices));
-        let (start, vertices) = self.check(path, with_places)?;
+        let chosen = self.check(path, named.find(&all, self.grids[garment]))?;
+        let vertices = self.existing((path, "seam"), chosen, all.len(), (side.region, &all))?;
+        let start = vertices.iter().map(|v| all[*v as usize]).collect();
         Some(Side { garment, vertices, start })
     }
 }
@@ -165,6 +161,7 @@ fn named(side: &SeamSide) -> Named<'_> {
         corners: side.corners.as_deref(),
         nodes: side.nodes.as_deref(),
         region: side.region,
+        map: None,
     }
 }
 

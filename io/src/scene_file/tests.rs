@@ -465,6 +465,15 @@ fn pins_that_hold_nothing_real_are_refused() {
     assert!(pin("vertices = [0]\naxes = \"xw\"").contains("not a set of the axes"));
     let nowhere = "where = { box = { min = [9, 9, 9], max = [10, 10, 10] } }";
     assert!(pin(nowhere).contains("holds no vertex") && !pin(nowhere).contains("in metres"));
+    let help = |lines: &str| {
+        let scene = read(&SHEET.replace("corners = [\"i0j0\", \"i0jn\"]", lines)).expect("a scene");
+        scene.resolve().expect_err("an empty box")[0].help.clone().expect("a help")
+    };
+    let bounds = "the garment starts from [-0.750, 1.500, -0.500] to [0.750, 1.500, 0.500] m";
+    let nearest = format!("{bounds}; its vertex nearest to the box is 34 at [0.750, 1.500, 0.500], 14.020 m away");
+    assert_eq!(help(nowhere), nearest);
+    let inverted = "where = { box = { min = [0, 1, 0], max = [1, 0, 1] } }";
+    assert_eq!(help(inverted), "exchange `min` and `max` along y: 1 is above 0");
     let in_centimetres = pin(&format!("{nowhere}\n[units]\nlength = \"cm\""));
     assert!(in_centimetres.contains("holds no vertex; its box is in metres with Y up"), "{in_centimetres}");
     assert!(pin("file = \"none.json\"").contains("file not found"));

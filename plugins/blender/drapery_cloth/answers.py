@@ -159,12 +159,7 @@ def status_of(answer):
     """The state of a run, from what `status --json` printed."""
     said = json.loads(answer)
     lost = [f"{each['meaning']}: {each['total']}, first at frame {each['first_frame']}" for each in said["degradations"]]
-    state = said["state"]
-    if state == "running":
-        # The manifest of a process that was killed says so for ever; the lock knows.
-        presence = (said["process"] or {}).get("presence", "gone")
-        state = {"alive": state, "gone": "killed"}.get(presence, "silent")
-    return Status(state, said["frames_done"], said["frames_total"], said["last_complete_frame"],
+    return Status(said["state"], said["frames_done"], said["frames_total"], said["last_complete_frame"],
                   said["seconds_left"], said["error"] or "", lost)
 
 

@@ -46,30 +46,29 @@ class ActiveGarment:
         return thing is not None and thing.type == "MESH" and thing.drapery.role == "GARMENT"
 
 
-class OBJECT_OT_drapery_pin_add(ActiveGarment, bpy.types.Operator):
+class AddsForGroup(ActiveGarment):
+    """Base of the operators that add a pin or a band for the active vertex group."""
+
+    def execute(self, context):
+        thing = context.object
+        added = getattr(thing.drapery, self.added_to).add()
+        if thing.vertex_groups.active:
+            added.group = thing.vertex_groups.active.name
+        return {"FINISHED"}
+
+
+class OBJECT_OT_drapery_pin_add(AddsForGroup, bpy.types.Operator):
     """Hold vertices of a group"""
 
     bl_idname, bl_label, bl_options = "object.drapery_pin_add", "Add Pin", {"REGISTER", "UNDO"}
-
-    def execute(self, context):
-        thing = context.object
-        pin = thing.drapery.pins.add()
-        if thing.vertex_groups.active:
-            pin.group = thing.vertex_groups.active.name
-        return {"FINISHED"}
+    added_to = "pins"
 
 
-class OBJECT_OT_drapery_elastic_add(ActiveGarment, bpy.types.Operator):
+class OBJECT_OT_drapery_elastic_add(AddsForGroup, bpy.types.Operator):
     """Sew an elastic band along the edges of a vertex group"""
 
     bl_idname, bl_label, bl_options = "object.drapery_elastic_add", "Add Band", {"REGISTER", "UNDO"}
-
-    def execute(self, context):
-        thing = context.object
-        band = thing.drapery.elastics.add()
-        if thing.vertex_groups.active:
-            band.group = thing.vertex_groups.active.name
-        return {"FINISHED"}
+    added_to = "elastics"
 
 
 class OBJECT_OT_drapery_belt_add(bpy.types.Operator):

@@ -94,6 +94,15 @@ def remove_button(row, rows, index):
     button.rows, button.index = rows, index
 
 
+def group_box(layout, item, rows, index):
+    """The box of a pin or a band, with its vertex group."""
+    box = layout.box()
+    row = box.row()
+    row.prop_search(item, "group", item.id_data, "vertex_groups", text="")
+    remove_button(row, rows, index)
+    return box
+
+
 class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
     bl_idname, bl_label, bl_parent_id, bl_options = "VIEW3D_PT_drapery_pins", "Pins", "VIEW3D_PT_drapery_object", {"DEFAULT_CLOSED"}
 
@@ -102,12 +111,8 @@ class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
         return context.object is not None and context.object.type == "MESH" and context.object.drapery.role == "GARMENT"
 
     def draw(self, context):
-        thing = context.object
-        for index, pin in enumerate(thing.drapery.pins):
-            box = self.layout.box()
-            row = box.row()
-            row.prop_search(pin, "group", thing, "vertex_groups", text="")
-            remove_button(row, "pins", index)
+        for index, pin in enumerate(context.object.drapery.pins):
+            box = group_box(self.layout, pin, "pins", index)
             box.prop(pin, "hold")
             if pin.hold != "FIXED":
                 box.prop(pin, "body")
@@ -128,12 +133,8 @@ class VIEW3D_PT_drapery_elastics(Panel, bpy.types.Panel):
     poll = VIEW3D_PT_drapery_pins.poll
 
     def draw(self, context):
-        thing = context.object
-        for index, band in enumerate(thing.drapery.elastics):
-            box = self.layout.box()
-            row = box.row()
-            row.prop_search(band, "group", thing, "vertex_groups", text="")
-            remove_button(row, "elastics", index)
+        for index, band in enumerate(context.object.drapery.elastics):
+            box = group_box(self.layout, band, "elastics", index)
             box.prop(band, "stiffness")
             box.prop(band, "relaxed")
         self.layout.operator("object.drapery_elastic_add", icon="ADD")

@@ -126,23 +126,25 @@ def write_task(scene, view):
     return [f"Written: {collected.folder}"]
 
 
-def check_task(scene, view):
-    """Writes the scene folder and has every problem named."""
+def asked(scene, view, doing, command):
+    """Writes the scene folder and asks the solver about it; shows the warnings of both."""
     solver = solver_or_failed()
     collected = yield from write(scene, view)
-    view.doing, view.share = "Checking every frame", None
-    answer = yield from ask_solver(solver, collected.folder, "check", SCENE_FILE, "--json")
+    view.doing, view.share = doing, None
+    answer = yield from ask_solver(solver, collected.folder, command, SCENE_FILE, "--json")
     view.problems = collected.warnings + answers.warnings_of(answer)
+    return collected, answer
+
+
+def check_task(scene, view):
+    """Writes the scene folder and has every problem named."""
+    collected, _ = yield from asked(scene, view, "Checking every frame", "check")
     return ["No problems" if not view.problems else "It can be simulated; the warnings may be meant", *over_time(collected)]
 
 
 def plan_task(scene, view):
     """Writes the scene folder and shows what would run."""
-    solver = solver_or_failed()
-    collected = yield from write(scene, view)
-    view.doing, view.share = "Planning", None
-    answer = yield from ask_solver(solver, collected.folder, "plan", SCENE_FILE, "--json")
-    view.problems = collected.warnings + answers.warnings_of(answer)
+    collected, answer = yield from asked(scene, view, "Planning", "plan")
     return [*answers.plan_lines(answer), *over_time(collected)]
 
 

@@ -8,7 +8,9 @@ mod idle_setting;
 mod no_gravity;
 mod no_self_collision;
 mod other_diagonal;
+mod outside_shot;
 mod render_mesh;
+mod seam_gap;
 mod shape_units;
 mod start_speed;
 mod start_state;
@@ -84,6 +86,8 @@ pub(crate) struct Facts<'a> {
     pub(crate) output: &'a OutputDescription,
     pub(crate) check: &'a CheckDescription,
     pub(crate) body_thickness: &'a [Option<BodyThickness>],
+    /// Last frame of the scene, even if fewer are asked for.
+    pub(crate) last_frame: i64,
 }
 
 /// Place at which a rule looks.
@@ -117,6 +121,8 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("start_layers", Look::Simulation(start_state::find_layers)),
     ("start_lengths", Look::Simulation(start_state::find_lengths)),
     ("idle_setting", Look::Facts(idle_setting::find)),
+    ("outside_shot", Look::Facts(outside_shot::find)),
+    ("seam_gap", Look::Facts(seam_gap::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
-use drapery_io::attributes::{PointAttributes, PointValues};
+use drapery_io::attributes::PointValues;
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::error::IoError;
 use drapery_io::formats::{self, Format};
@@ -44,20 +44,7 @@ pub(super) fn write(shot: &Shot, folder: &Path) -> Result<(), IoError> {
         let about = &shot.about;
         let first = motion.source.mesh_at(about.timeline.file_time(about.timeline.origin))?;
         let mesh = GarmentMesh::kept(first);
-        let plan = CachePlan {
-            garment: name,
-            mesh: &mesh,
-            units: about.output.units,
-            origin: shot.origin(),
-            timeline: about.timeline,
-            first_frame: about.first_frame,
-            last_frame: about.last_frame,
-            velocities: about.output.velocities,
-            normals: false,
-            crossings: false,
-            sub_frames: &about.output.sub_frames,
-            attributes: PointAttributes::default(),
-        };
+        let plan = shot.cache_plan(name, &mesh);
         let create = |format: &'static Format| Some(format.create?(&path(folder, name, format), &plan));
         let mut writers = written(shot).filter_map(create).collect::<Result<Vec<_>, _>>()?;
         let pose = |frame: i64| pose(shot, motion, frame);

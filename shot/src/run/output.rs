@@ -541,20 +541,14 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
 fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
     let about = &shot.about;
     let render_mesh = object.checked_sub(shot.garments.len()).map(|index| &shot.render_meshes[index]);
+    let name = render_mesh.map_or_else(|| &about.garments[object], |mesh| &mesh.name);
+    let mesh = render_mesh.map_or_else(|| &shot.written[object], |mesh| &mesh.mesh);
     CachePlan {
-        garment: render_mesh.map_or_else(|| &about.garments[object], |mesh| &mesh.name),
-        mesh: render_mesh.map_or_else(|| &shot.written[object], |mesh| &mesh.mesh),
-        units: about.output.units,
-        origin: shot.origin(),
-        timeline: about.timeline,
-        first_frame: about.first_frame,
-        last_frame: about.last_frame,
-        velocities: about.output.velocities,
         normals: render_mesh.is_some() || about.output.has(Attribute::Normals),
         // Counted of what is simulated.
         crossings: about.keeps_free && render_mesh.is_none(),
-        sub_frames: &about.output.sub_frames,
         attributes: shot.attributes[object].clone(),
+        ..shot.cache_plan(name, mesh)
     }
 }
 

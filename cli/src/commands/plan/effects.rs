@@ -107,12 +107,21 @@ fn effect_text(effect: &PlannedEffect, share: &str) -> String {
     let (elements, kind, memory) = (effect.elements, effect.kind, mebibytes(effect.bytes));
     text += &format!("    {elements} {kind}, {memory}{share}\n");
     for (name, value, origin) in effect.settings.iter() {
-        text += &format!("    {name} = {} ({})\n", value_text(value), source(effect, name, origin));
+        let unit = unit(effect, name, value);
+        text += &format!("    {name} = {}{unit} ({})\n", value_text(value), source(effect, name, origin));
     }
     for note in &effect.notes {
         text += &format!("    note: {note}\n");
     }
     text
+}
+
+/// The SI unit of a setting's numbers, with a blank in front; empty for words, flags and pure numbers.
+fn unit(effect: &PlannedEffect, name: &str, value: &SettingValue) -> String {
+    let has_numbers = !matches!(value, SettingValue::Text(_) | SettingValue::Flag(_));
+    let field = find(effect.name).and_then(|spec| spec.fields.iter().find(|field| field.name == name));
+    let unit = field.filter(|_| has_numbers).map_or("", |field| field.dimension.si_unit());
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
 /// Why there is friction in a contact, or why not.

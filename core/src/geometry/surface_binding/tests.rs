@@ -46,6 +46,20 @@ fn rigid_motions_are_followed_to_rounding() {
 }
 
 #[test]
+fn triangles_without_an_area_are_left_out() {
+    let (rest, triangles) = sheet([4, 4], 0.1);
+    let points = cloud(50, [0.3, 0.3], 0.02);
+    let flat: Vec<[u32; 3]> = vec![[0, 0, 1], [5, 5, 5], [0, 1, 2]];
+    assert_eq!((rest[0] + rest[2]) * 0.5, rest[1], "on one line");
+    let with_flat = SurfaceBinding::new(rest.clone(), [&flat[..], &triangles].concat(), &points, &[]).unwrap();
+    let without = SurfaceBinding::new(rest.clone(), triangles, &points, &[]).unwrap();
+    let x: Vec<Vec3> = rest.iter().map(|p| turn() * p).collect();
+    assert_eq!(with_flat.positions(&x), without.positions(&x));
+    assert!(with_flat.places().eq(without.places()));
+    assert!(SurfaceBinding::new(rest, flat, &points, &[]).is_none());
+}
+
+#[test]
 fn at_rest_every_point_is_where_it_was_bound() {
     let (rest, triangles) = sheet([4, 4], 0.1);
     let points = cloud(200, [0.4, 0.4], 0.02);

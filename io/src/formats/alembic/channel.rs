@@ -5,6 +5,7 @@ use std::path::Path;
 use drapery_alembic::{AlembicError, Archive, Compound, PodType, PropertyKind, Samples};
 
 use crate::error::IoError;
+use crate::file_summary::ChannelSummary;
 use crate::formats::ChannelSamples;
 
 /// Compounds of a property whose values are indexed keep them under this name.
@@ -19,8 +20,10 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
     let properties = archive.object(object)?.properties()?;
     let place = format!("{object}.{property}");
     let Some(samples) = find(&properties, property) else {
-        let mut names = Vec::new();
-        collect(&properties, &mut names);
+        let mut found = Vec::new();
+        collect(&properties, &mut found);
+        let numbers = found.into_iter().filter(|(_, samples)| is_number(samples));
+        let names: Vec<&str> = numbers.map(|(name, _)| name).collect();
         let advice = match names.is_empty() {
             true => "the object has no properties of numbers; export them as user properties".to_owned(),
             false => format!("its properties of numbers are {}", names.join(", ")),
@@ -40,6 +43,23 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
     (0..count).map(sample).collect()
 }
 
+/// Channels of an archive: the properties of its objects that hold one number or three and change.
+///
+/// # Errors
+/// The archive is damaged.
+pub(super) fn all(archive: &Archive) -> Result<Vec<ChannelSummary>, AlembicError> {
+    let mut channels = Vec::new();
+    for object in archive.objects() {
+        let (properties, mut found) = (object.properties()?, Vec::new());
+        collect(&properties, &mut found);
+        for (name, samples) in found.into_iter().filter(|(_, samples)| !samples.is_constant() && is_number(samples)) {
+            let numbers = samples.element_count(0)? * usize::from(samples.data_type().extent);
+            channels.extend(ChannelSummary::of(object.path(), name, numbers, samples.len()));
+        }
+    }
+    Ok(channels)
+}
+
 /// The first property of this name that has samples, in the object's own compound or in one inside.
 fn find<'a>(compound: &'a Compound, name: &str) -> Option<&'a Samples> {
     let own = compound.samples(name).or_else(|| compound.compound(name)?.samples(VALUES));
@@ -51,17 +71,27 @@ fn find<'a>(compound: &'a Compound, name: &str) -> Option<&'a Samples> {
     })
 }
 
-/// Names of user properties and attributes: those without a dot in front, which Alembic itself puts.
-fn collect(compound: &Compound, names: &mut Vec<String>) {
+/// Properties with samples, by the names that [`find`] takes: user properties and attributes, without those with a dot in front,
+/// which Alembic itself puts.
+fn collect<'a>(compound: &'a Compound, found: &mut Vec<(&'a str, &'a Samples)>) {
     for property in compound.iter() {
         match property.kind() {
-            PropertyKind::Compound(inside) => collect(inside, names),
-            PropertyKind::Scalar(_) | PropertyKind::Array(_) if !property.name().starts_with('.') => {
-                names.push(property.name().to_owned());
+            PropertyKind::Compound(inside) => match inside.samples(VALUES) {
+                Some(samples) => found.push((property.name(), samples)),
+                None => collect(inside, found),
+            },
+            PropertyKind::Scalar(samples) | PropertyKind::Array(samples) if !property.name().starts_with('.') => {
+                found.push((property.name(), samples));
             }
             PropertyKind::Scalar(_) | PropertyKind::Array(_) => {}
         }
     }
+}
+
+/// Whether a property holds numbers that [`numbers`] reads.
+fn is_number(samples: &Samples) -> bool {
+    use PodType::{F32, F64, I16, I32, U8, U32};
+    matches!(samples.data_type().pod, F64 | F32 | I32 | U32 | I16 | U8)
 }
 
 /// Numbers of a sample; `None` where it holds something else.

@@ -5,8 +5,10 @@ use std::path::Path;
 use drapery_alembic::{Archive, PolyMesh, Schema, TopologyVariance};
 use drapery_core::Vec3;
 
+use super::channel;
+use super::read::split_normals;
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+use crate::file_summary::{FileSummary, MeshSummary, Normals, bounds, face_kinds};
 
 /// Looks into an archive.
 ///
@@ -28,7 +30,8 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
         .map(|o| (o.path().to_owned(), format!("{:?}", o.schema())))
         .collect();
     let meshes = PolyMesh::all(&archive)?.iter().map(alembic_mesh).collect::<Result<_, _>>()?;
-    Ok(FileSummary { format: "Alembic (Ogawa)", properties, meshes, others })
+    let channels = channel::all(&archive)?;
+    Ok(FileSummary { format: "Alembic (Ogawa)", properties, meshes, others, channels })
 }
 
 fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
@@ -51,7 +54,10 @@ fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
     if count > 0 {
         let points: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
         summary.points = points.len();
-        summary.faces = face_kinds(&mesh.faces(0)?.face_counts);
+        let faces = mesh.faces(0)?;
+        summary.faces = face_kinds(&faces.face_counts);
+        summary.normals =
+            Normals::of(mesh.normals().is_some(), split_normals(mesh, 0, &faces, points.len())?.is_some());
         summary.times = [mesh.time(0), mesh.time(count - 1)];
         summary.bounds = bounds(&points);
         summary.velocities = mesh.velocities(0)?.is_some();

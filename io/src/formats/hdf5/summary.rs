@@ -4,10 +4,10 @@ use std::path::Path;
 
 use hdf5::types::VarLenUnicode;
 
-use super::{datasets, not_a_cache};
+use super::{NORMAL_INDICES, datasets, not_a_cache};
 use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, face_kinds};
+use crate::file_summary::{FileSummary, MeshSummary, Normals, face_kinds};
 use crate::input_file;
 
 /// Looks into a cache of this layout.
@@ -47,13 +47,14 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
         samples: done,
         times: [times.first().copied().unwrap_or(0.0), times.get(done.max(1) - 1).copied().unwrap_or(0.0)],
         uvs: datasets::dataset::<2>(&file, "uv_values").ok().map(|(_, [count, _])| ("uv".to_owned(), count)),
-        attributes: ["normals", REST, STRAIN, CONTACT, THICKNESS]
+        attributes: [REST, STRAIN, CONTACT, THICKNESS]
             .into_iter()
             .filter(|name| file.link_exists(name))
             .map(str::to_owned)
             .collect(),
+        normals: Normals::of(file.link_exists("normals"), file.link_exists(NORMAL_INDICES)),
         velocities: file.link_exists("velocities"),
         ..MeshSummary::default()
     };
-    Ok(FileSummary { format: "HDF5 (Drapery)", properties, meshes: vec![mesh], others: Vec::new() })
+    Ok(FileSummary { format: "HDF5 (Drapery)", properties, meshes: vec![mesh], ..FileSummary::default() })
 }

@@ -98,6 +98,16 @@ impl ObjMesh {
         Ok(Self { path: path.to_owned(), name, data: OnceLock::new() })
     }
 
+    /// Whether the file states normals.
+    ///
+    /// # Errors
+    /// It cannot be read or is damaged.
+    pub(super) fn has_normals(&self) -> Result<bool, IoError> {
+        let mut found = false;
+        scan(lines(&self.path)?, &self.path, &mut |line| found |= matches!(line, Line::Normal(_)))?;
+        Ok(found)
+    }
+
     fn data(&self) -> Result<&MeshData, IoError> {
         if let Some(data) = self.data.get() {
             return Ok(data);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::read::ObjMesh;
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+use crate::file_summary::{FileSummary, MeshSummary, Normals, bounds, face_kinds};
 use crate::mesh_data::MeshReader;
 
 /// Looks into a file.
@@ -22,6 +22,7 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
         samples: 1,
         bounds: bounds(&data.mesh.points),
         uvs: data.uvs.map(|uvs| ("uv".to_owned(), uvs.values.len())),
+        normals: Normals::of(mesh.has_normals()?, data.split_normals.is_some()),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
         ..MeshSummary::default()
     };

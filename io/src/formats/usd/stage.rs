@@ -1,22 +1,30 @@
 //! Stages of other programs as caches: their meshes in whole frames, as USD has them at the time codes of these.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_usd::read::{About, Stage, Stored, UsdError};
 
 use super::read::{frame_rate, left_out, mesh_data, seen, stated_units};
-use crate::attributes::StoredValues;
+use crate::attributes::{PointAttributes, REST, StoredValues, THICKNESS};
 use crate::cache_frames::transforms::in_world;
 use crate::cache_frames::{Between, CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, cut, listed_triangles};
 use crate::error::IoError;
 use crate::formats::Opening;
 use crate::mesh_data::{Connectivity, MeshData};
+use crate::normals::SplitNormals;
 use crate::units::decide;
 
-/// Triangles that were simulated, and how often cloth crosses cloth, in caches of this program.
+/// Triangles that were simulated, how often cloth crosses cloth, which attributes were computed, and the number of each corner's normal
+/// where hard edges split them, in caches of this program.
 const TRIANGLES: &str = "drapery:triangles";
 const CROSSINGS: &str = "drapery:crossings";
+const ATTRIBUTES: &str = "drapery:attributes";
+const NORMAL_INDICES: &str = "drapery:normalIndices";
+
+/// Normals of face corners, as [`Stage`] names what it does not read by itself.
+const CORNER_NORMALS: &str = "normals (faceVarying)";
 
 /// Most frames of a stage: an hour of film.
 const MOST_FRAMES: f64 = 100_000.0;
@@ -29,6 +37,7 @@ const BOUNDS_TOLERANCE: f32 = 1e-5;
 
 /// A stage whose meshes are read frame by frame.
 struct Samples {
+    path: PathBuf,
     stage: Stage,
     /// Frames a second.
     fps: f64,
@@ -45,6 +54,10 @@ struct Mesh {
     origin: Option<[f64; 3]>,
     /// From stored points to the world, where that never changes.
     fixed: Option<[f64; 16]>,
+    /// Attributes that this program computed.
+    attributes: PointAttributes,
+    /// Normals that this program computed, where hard edges split them.
+    split_normals: Option<SplitNormals>,
 }
 
 /// Opens all meshes that are to be seen, whatever their purpose.
@@ -69,8 +82,18 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
         let (frames, between) = samples_of(path, name, (about.range, stored), codes_per_frame)?;
         let of_frames = frames.iter().map(|frame| *frame as f64 * codes_per_frame);
         let codes: Vec<f64> = of_frames.chain(between.iter().copied()).collect();
-        let left = chosen.left_out_of_each[mesh].iter().map(|left| left_out(name, left));
-        let moving = chosen.moving_primvars_of_each[mesh].iter();
+        let fixed = stage.fixed_to_world(mesh)?;
+        let origin = fixed.and_then(shift);
+        let (attributes, split_normals) = match origin {
+            Some(_) => (attributes(&stage, (mesh, codes[0]))?, split_normals(&stage, (mesh, codes[0]))?),
+            // Rest positions and normals would have to be moved with the points.
+            None => (PointAttributes::default(), None),
+        };
+        let left = chosen.left_out_of_each[mesh].iter();
+        let left = left.filter(|left| split_normals.is_none() || *left != CORNER_NORMALS);
+        let left = left.map(|left| left_out(name, left));
+        let read = |name: &str| attributes.moving().any(|read| primvar_of(read) == name);
+        let moving = chosen.moving_primvars_of_each[mesh].iter().filter(|name| !read(name));
         let moving =
             moving.map(|moving| format!("{name}: {moving} is animated; its first value is used in all frames"));
         let about_it = CacheMesh {
@@ -80,18 +103,49 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
             purpose: entry.purpose.clone(),
             left_out: left.chain(moving).collect(),
             frames,
+            attributes: attributes.clone(),
+            split_normals: split_normals.clone(),
             ..CacheMesh::default()
         };
-        let fixed = stage.fixed_to_world(mesh)?;
         let faces_move = stage.faces_move(mesh)?;
         described.push(first_sample(&stage, (mesh, codes[0]), about_it, &mut notes)?);
-        meshes.push(Mesh { codes, faces_move, origin: fixed.and_then(shift), fixed });
+        meshes.push(Mesh { codes, faces_move, origin, fixed, attributes, split_normals });
     }
     let hidden = hidden(about).map(|(path, why)| format!("{path} is left out: {why}")).collect();
-    let samples = Samples { stage, fps, codes_per_frame, meshes };
+    let samples = Samples { path: path.to_owned(), stage, fps, codes_per_frame, meshes };
     let (states_length, cache) =
         (stated.metres.is_some(), CacheFrames::new(path, (units, Some(fps)), described, samples));
     Ok(CacheFrames { states_length, codes_per_frame, notes, hidden, ..cache })
+}
+
+/// Attributes that this program computed for a mesh, where they are as its caches have them at this time code.
+fn attributes(stage: &Stage, (mesh, code): (usize, f64)) -> Result<PointAttributes, UsdError> {
+    let Some(listed) = stage.text(mesh, ATTRIBUTES)? else { return Ok(PointAttributes::default()) };
+    let points = stage.points(mesh, code)?.len();
+    let mut found = BTreeMap::new();
+    for word in listed.split(' ') {
+        let numbers = stage.floats(mesh, &primvar_of(word), code)?;
+        let expected = if word == REST { 3 * points } else { points };
+        found.extend(numbers.filter(|numbers| numbers.len() == expected).map(|numbers| (word, numbers)));
+    }
+    let words = found.keys().copied().collect::<Vec<_>>().join(" ");
+    let of = |word: &str| found.get(word).cloned().unwrap_or_default();
+    PointAttributes::of_listed(&words, || Ok(of(REST).as_chunks().0.to_vec()), || Ok(of(THICKNESS)))
+}
+
+/// Normals that this program computed for a mesh at a time code, where hard edges split them.
+fn split_normals(stage: &Stage, (mesh, code): (usize, f64)) -> Result<Option<SplitNormals>, UsdError> {
+    let Some(all) = stage.integers(mesh, NORMAL_INDICES, code)? else { return Ok(None) };
+    let indices: Option<Vec<u32>> = all.into_iter().map(|index| u32::try_from(index).ok()).collect();
+    let Some(indices) = indices else { return Ok(None) };
+    let count = indices.iter().max().map_or(0, |last| *last as usize + 1);
+    let fits = count <= indices.len();
+    Ok(SplitNormals::numbered(indices, count, &stage.faces(mesh, code)?.indices).filter(|_| fits))
+}
+
+/// Name of the primvar of an attribute.
+fn primvar_of(word: &str) -> String {
+    format!("primvars:{word}")
 }
 
 /// Whole frames of a mesh: those that the stage says it has (`range`), or else those from its first sample to its last; and the time
@@ -157,6 +211,28 @@ impl Samples {
     fn stored(&self, mesh: usize, sample: usize) -> Result<Option<Stored>, UsdError> {
         self.stage.stored(mesh, self.code(mesh, sample))
     }
+
+    fn values(&self, mesh: usize, sample: usize) -> Result<StoredValues, IoError> {
+        let code = self.code(mesh, sample);
+        StoredValues::read(&self.meshes[mesh].attributes, |name| {
+            let numbers = self.stage.floats(mesh, &primvar_of(name), code)?;
+            numbers.ok_or_else(|| self.lacking(&primvar_of(name), code))
+        })
+    }
+
+    /// Normals where hard edges split them, in the order of their numbers.
+    fn split_normals(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+        let Some(split) = &self.meshes[mesh].split_normals else { return Ok(None) };
+        let code = self.code(mesh, sample);
+        let corners = self.stage.floats(mesh, "normals", code)?;
+        let normals = corners.and_then(|corners| split.of_corners(corners.as_chunks().0));
+        normals.map(Some).ok_or_else(|| self.lacking("normals", code))
+    }
+
+    fn lacking(&self, name: &str, code: f64) -> IoError {
+        let what = format!("time code {code} does not hold it as the others do");
+        IoError::data(&self.path, name, what, "write the cache again")
+    }
 }
 
 impl CacheSamples for Samples {
@@ -194,9 +270,9 @@ impl CacheSamples for Samples {
                 has_bounds_of_points: extent.is_none_or(|extent| contains(extent, &points)),
                 positions: points,
                 velocities,
-                normals,
+                normals: self.split_normals(mesh, sample)?.or(normals),
                 crossings,
-                values: StoredValues::default(),
+                values: self.values(mesh, sample)?,
             },
             None => {
                 let positions = self.points(mesh, sample)?.into_iter().map(|p| p.map(|x| x as f32)).collect();

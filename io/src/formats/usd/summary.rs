@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use drapery_usd::read::{Chosen, Entry, Stage, UsdError};
+use drapery_usd::read::{Channel, Chosen, Entry, Stage, UsdError};
 
 use super::read::mesh_data;
 use crate::error::IoError;
-use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+use crate::file_summary::{ChannelSummary, FileSummary, MeshSummary, Normals, bounds, face_kinds};
 
 /// Looks into a stage.
 ///
@@ -45,7 +45,10 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
             Err(error) => unreadable(entry.path.clone(), error),
         });
     }
-    Ok(FileSummary { format: "USD", properties, meshes, others: about.others.clone() })
+    let channel =
+        |Channel { prim, attribute, numbers, samples }| ChannelSummary::of(&prim, &attribute, numbers, samples);
+    let channels = stage.channels()?.into_iter().filter_map(channel).collect();
+    Ok(FileSummary { format: "USD", properties, meshes, others: about.others.clone(), channels })
 }
 
 fn unreadable(path: String, error: UsdError) -> MeshSummary {
@@ -65,6 +68,8 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
     };
     let per_second = stage.about().codes_per_second;
     let seconds = |code: f64| if per_second > 0.0 { code / per_second } else { 0.0 };
+    let stored = stage.stored(0, first)?;
+    let has_normals = sample.normals.is_some() || stored.as_ref().is_some_and(|stored| stored.normals.is_some());
     let data = mesh_data(entry.path.clone(), sample);
     Ok(MeshSummary {
         path,
@@ -81,7 +86,8 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
         uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
         attributes: data.params.into_iter().map(|param| param.name).collect(),
-        velocities: stage.stored(0, first)?.is_some_and(|stored| stored.velocities.is_some()),
+        normals: Normals::of(has_normals, data.split_normals.is_some()),
+        velocities: stored.is_some_and(|stored| stored.velocities.is_some()),
         ..MeshSummary::default()
     })
 }

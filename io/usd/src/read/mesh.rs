@@ -200,6 +200,17 @@ impl Mesh {
         Ok(value.as_ref().and_then(super::values::all_integers))
     }
 
+    /// Numbers of an attribute in single precision, those of vectors one after the other.
+    pub(crate) fn floats(&self, reading: &Reading, name: &str, code: f64) -> Result<Option<Vec<f32>>, UsdError> {
+        let value = reading.value_at(&self.prim.attribute(name).query(), code)?;
+        Ok(value.and_then(super::values::floats))
+    }
+
+    /// Text of an attribute.
+    pub(crate) fn text(&self, reading: &Reading, name: &str) -> Result<Option<String>, UsdError> {
+        Ok(reading.value(&self.prim.attribute(name))?.as_ref().and_then(super::values::word))
+    }
+
     /// Points in the world.
     pub(crate) fn points(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
         let mut points = self.local_points(reading, code)?;

@@ -228,6 +228,19 @@ pub struct Stored {
     pub to_world: [f64; 16],
 }
 
+/// An attribute that holds numbers and changes over time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// Path of its prim.
+    pub prim: String,
+    /// Its name.
+    pub attribute: String,
+    /// Numbers of the first sample.
+    pub numbers: usize,
+    /// Number of samples.
+    pub samples: usize,
+}
+
 /// An opened stage.
 pub struct Stage {
     path: PathBuf,
@@ -328,12 +341,41 @@ impl Stage {
         self.ask(move |session| session.meshes.borrow()[mesh].integers(&session.reading, &name, code))
     }
 
+    /// Numbers in single precision that an attribute of a chosen mesh holds at a time code, those of vectors one after the other;
+    /// `None` when it has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn floats(&self, mesh: usize, attribute: &str, code: f64) -> Result<Option<Vec<f32>>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].floats(&session.reading, &name, code))
+    }
+
+    /// Text that an attribute of a chosen mesh holds; `None` when it has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn text(&self, mesh: usize, attribute: &str) -> Result<Option<String>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].text(&session.reading, &name))
+    }
+
     /// A chosen mesh at a time code, with what is handed through.
     ///
     /// # Errors
     /// The mesh contradicts itself.
     pub fn mesh(&self, mesh: usize, code: f64) -> Result<MeshSample, UsdError> {
         self.ask(move |session| session.meshes.borrow()[mesh].read(&session.reading, code))
+    }
+
+    /// Attributes of the prims that [`About`] lists that hold numbers and change over time, without primvars.
+    ///
+    /// # Errors
+    /// A layer is damaged.
+    pub fn channels(&self) -> Result<Vec<Channel>, UsdError> {
+        let meshes = self.about.meshes.iter().filter(|mesh| mesh.prototype.is_none()).map(|mesh| &mesh.path);
+        let prims: Vec<String> = self.about.others.iter().map(|(path, _)| path).chain(meshes).cloned().collect();
+        self.ask(move |session| session.channels(&prims))
     }
 
     /// Samples of an attribute of any prim, each a time code and its numbers; one sample, at 0, of a value that never changes.

@@ -11,10 +11,11 @@ use super::guard::{Guard, seen};
 use super::instancer::Prototype;
 use super::left_out;
 use super::mesh::Mesh;
+use super::primvars::is_primvar;
 use super::reading::{Reading, flaws, usd_error};
 use super::values::{all_integers, number, numbers as list, vector, word};
 use super::worker::Panicked;
-use super::{About, Chosen, Entry};
+use super::{About, Channel, Chosen, Entry};
 
 /// Most prims of a stage: references that double at every level reach any number from a few lines, and the library takes about
 /// 4 kB and 30 µs for each.
@@ -108,6 +109,27 @@ impl Session {
             None => Err(bad("it does not hold numbers".to_owned(), "name an attribute of one number, or of three")),
         };
         samples.into_iter().map(plain).collect()
+    }
+
+    /// Attributes of these prims that hold numbers and change over time, without primvars.
+    pub(crate) fn channels(&self, prims: &[String]) -> Result<Vec<Channel>, UsdError> {
+        let Self { reading, .. } = self;
+        let mut channels = Vec::new();
+        for path in prims {
+            let prim = reading.stage.prim(path.as_str());
+            let prim = prim.map_err(|error| reading.bad(path, error.to_string(), "export the file again"))?;
+            for attribute in reading.ok(prim.authored_attributes(), &prim)? {
+                let name = attribute.name().to_owned();
+                let samples = reading.ok(attribute.time_sample_times(), &prim)?.len();
+                if samples < 2 || is_primvar(&name) {
+                    continue;
+                }
+                if let Some(numbers) = reading.value(&attribute)?.as_ref().and_then(plain) {
+                    channels.push(Channel { prim: path.clone(), attribute: name, numbers: numbers.len(), samples });
+                }
+            }
+        }
+        Ok(channels)
     }
 
     /// Makes the chosen meshes ready.

@@ -81,6 +81,15 @@ pub(crate) fn numbers(value: &Value) -> Option<Vec<f64>> {
     })
 }
 
+/// A list of numbers in single precision, those of vectors one after the other.
+pub(crate) fn floats(value: Value) -> Option<Vec<f32>> {
+    match value {
+        Value::FloatVec(all) => Some(all),
+        Value::Vec3fVec(all) => Some(all.iter().flat_map(|v| [v.x, v.y, v.z]).collect()),
+        _ => None,
+    }
+}
+
 /// A list of whole numbers.
 pub(crate) fn integers(value: &Value) -> Option<&[i32]> {
     match value {
