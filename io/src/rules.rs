@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 21] = [
+pub static RULES: [Rule; 23] = [
     Rule {
         name: "no_gravity",
         finds: "a scene without gravity",

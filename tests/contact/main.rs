@@ -4,6 +4,7 @@ mod bodies;
 mod ccd;
 mod crossing_fuzz;
 mod layers;
+mod parts;
 mod rules;
 mod self_contact;
 mod tangles;

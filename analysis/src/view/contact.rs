@@ -124,7 +124,7 @@ fn thickness(scene: &SceneDescription, garment: ContactSide, own: f64, other: Co
     rule.unwrap_or_else(|| match other {
         ContactSide::Body(body) => scene.bodies[body].thickness,
         ContactSide::Garment(_) if other == garment => own,
-        ContactSide::Garment(other) => own.max(scene.garments[other].thickness),
+        ContactSide::Garment(other) | ContactSide::Part(other, _) => own.max(scene.garments[other].thickness),
     })
 }
 

@@ -54,8 +54,16 @@ impl Resolver<'_> {
                 find(kind, name).map(|_| (kind, name))
             }),
         };
+        if let (None, Some(part)) = (kind, self.part_named(name)) {
+            return part;
+        }
         let Some((kind, name)) = kind else {
-            let names: Vec<&str> = written.concat();
+            let of_parts = document
+                .garment
+                .iter()
+                .flat_map(|garment| garment.part.iter().map(|part| format!("{}.{}", garment.name, part.name)));
+            let of_parts: Vec<String> = of_parts.collect();
+            let names: Vec<&str> = written.concat().into_iter().chain(of_parts.iter().map(String::as_str)).collect();
             let help = suggestion(name, &names);
             self.error_with(path, format!("there is no garment and no body \"{name}\""), help);
             return None;

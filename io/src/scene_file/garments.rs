@@ -1,6 +1,7 @@
 //! Garments of a scene file.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
@@ -96,9 +97,11 @@ impl Resolver<'_> {
         let Some(start) = self.start(garment, path, &mesh, grid) else { return };
         let velocities = self.start_velocities(garment, path, mesh.point_count());
         let index = self.description.garments.len();
-        if !(garment.pin.is_empty() && garment.elastic.is_empty()) {
+        let mut parts = BTreeMap::new();
+        if !(garment.pin.is_empty() && garment.elastic.is_empty() && garment.part.is_empty()) {
             let looks = garment.pin.iter().any(|pin| pin.region.is_some())
-                || garment.elastic.iter().any(|band| band.region.is_some());
+                || garment.elastic.iter().any(|band| band.region.is_some())
+                || garment.part.iter().any(|part| part.region.is_some());
             let Some(places) = self.places(path, &mesh, start.as_deref(), looks) else { return };
             let read =
                 ReadGarment { points: mesh.point_count(), mesh: &mesh, places: &places, grid, units: garment.units };
@@ -110,6 +113,7 @@ impl Resolver<'_> {
                 let band = self.elastic(band, &path.clone().key("elastic").index(number), index, &read);
                 self.description.elastics.extend(band);
             }
+            parts = self.parts(garment, path, &read);
         }
         let settings = self.settings(path, GarmentDescription::FIELDS);
         let (thickness, rest_scale) = (settings.number("thickness"), settings.number("rest_scale"));
@@ -134,7 +138,7 @@ impl Resolver<'_> {
             thickness,
             rest_scale,
             layer: garment.layer,
-            parts: BTreeMap::new(),
+            parts,
             maps,
             map_curves,
         };

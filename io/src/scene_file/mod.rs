@@ -31,6 +31,7 @@ mod effects;
 mod fields;
 mod file_names;
 mod frame_rate;
+mod garment_parts;
 mod garments;
 mod maps;
 mod material_files;

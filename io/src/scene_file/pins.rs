@@ -161,7 +161,7 @@ impl Resolver<'_> {
     }
 
     /// Vertices that a pin or band at a path names, at least one. Problems are recorded.
-    fn chosen(
+    pub(super) fn chosen(
         &mut self,
         (path, what): (&Path, &str),
         named: &Named<'_>,

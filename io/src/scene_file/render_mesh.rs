@@ -5,14 +5,12 @@ use std::collections::{BTreeMap, VecDeque};
 use drapery_core::Vec3;
 use drapery_core::mesh::MeshStream;
 use drapery_core::settings::Dimension;
-use globset::Glob;
 
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, GarmentReader};
 use crate::mesh_data::MeshData;
 use crate::shot_description::{RENDER, RenderMeshDescription};
 
-use super::deserialize::suggestion;
 use super::garments::FromFile;
 use super::raw::{Garment, RenderMesh};
 use super::resolve::Resolver;
@@ -25,7 +23,7 @@ const OF_POINT: f64 = 400.0;
 const LONGEST_NAME: usize = 235 - RENDER.len();
 
 /// Remedy where parts are to stay rigid and the file names none.
-const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
+pub(super) const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
                             file again, or leave `rigid` out";
 
 /// Attributes that the moving normals take the place of.
@@ -107,22 +105,7 @@ impl Resolver<'_> {
 
     /// Points of each part that stays rigid: of every connected piece of the face sets that are named.
     fn rigid_parts(&mut self, data: &MeshData, written: &RenderMesh, here: &Path) -> Option<Vec<Vec<u32>>> {
-        let mut faces = Vec::new();
-        for (index, pattern) in written.rigid.iter().enumerate() {
-            let at = here.clone().key("rigid").index(index);
-            let glob = Glob::new(pattern).map(|glob| glob.compile_matcher()).map_err(|error| error.to_string());
-            let glob = self.check(&at, glob)?;
-            let before = faces.len();
-            let named = data.face_sets.iter().filter(|set| glob.is_match(&set.name));
-            faces.extend(named.flat_map(|set| set.faces.iter().copied()));
-            if faces.len() == before {
-                let names: Vec<&str> = data.face_sets.iter().map(|set| set.name.as_str()).collect();
-                let text = format!("the render mesh has no face set `{pattern}`");
-                let help = if names.is_empty() { NO_FACE_SETS.to_owned() } else { suggestion(pattern, &names) };
-                self.error_with(&at, text, help);
-                return None;
-            }
-        }
+        let faces = self.faces_of_sets(data, &written.rigid, ("the render mesh", &here.clone().key("rigid")))?;
         Some(connected(data, faces))
     }
 }

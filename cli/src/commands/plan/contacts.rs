@@ -13,7 +13,7 @@ struct PairOfObjects {
     thickness: f64,
 }
 
-/// All pairs that can touch in a scene with rules, in the order of the objects; none without rules.
+/// All pairs that can touch in a scene with rules, in the order of the objects, then those of parts that rules name; none without rules.
 fn pairs(scene: &SceneDescription) -> Vec<PairOfObjects> {
     if scene.contacts.is_empty() {
         return Vec::new();
@@ -36,6 +36,19 @@ fn pairs(scene: &SceneDescription) -> Vec<PairOfObjects> {
             }));
         }
     }
+    for rule in scene.contacts.iter().filter(|rule| rule.between.iter().any(is_part)) {
+        let [a, b] = rule.between;
+        let thickness = |side: ContactSide| match side {
+            ContactSide::Garment(garment) | ContactSide::Part(garment, _) => scene.garments[garment].thickness,
+            ContactSide::Body(body) => scene.bodies[body].thickness,
+        };
+        match (a, b) {
+            (ContactSide::Body(body), _) | (_, ContactSide::Body(body)) => {
+                pairs.push(([a, b], scene.bodies[body].friction, scene.bodies[body].thickness));
+            }
+            _ => pairs.extend(of_cloth.map(|friction| ([a, b], friction, thickness(a).max(thickness(b))))),
+        }
+    }
     let with_rule = |(between, friction, thickness): ([ContactSide; 2], f64, f64)| {
         let rule = scene.contact_rule(between[0], between[1]).copied();
         let [friction, thickness] = [
@@ -45,6 +58,10 @@ fn pairs(scene: &SceneDescription) -> Vec<PairOfObjects> {
         PairOfObjects { between, rule, friction, thickness }
     };
     pairs.into_iter().map(with_rule).collect()
+}
+
+fn is_part(side: &ContactSide) -> bool {
+    matches!(side, ContactSide::Part(..))
 }
 
 /// The order in which garments are worn, and the table of a scene with rules; empty without both.
@@ -88,6 +105,9 @@ pub(super) fn as_json(scene: &SceneDescription) -> Value {
     let side = |side: ContactSide| match side {
         ContactSide::Garment(garment) => json!({"garment": scene.garments[garment].name}),
         ContactSide::Body(body) => json!({"body": scene.bodies[body].name}),
+        ContactSide::Part(garment, part) => {
+            json!({"garment": scene.garments[garment].name, "part": scene.garments[garment].parts.keys().nth(part)})
+        }
     };
     let of_pair = |pair: &PairOfObjects| {
         let ignore = pair.rule.is_some_and(|rule| rule.ignore);

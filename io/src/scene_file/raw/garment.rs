@@ -83,6 +83,9 @@ pub(in crate::scene_file) struct Garment {
     /// Elastic bands along its edges.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) elastic: Vec<Elastic>,
+    /// Parts that rules of contact name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) part: Vec<Part>,
     /// The mesh that is rendered instead; it follows the cloth and has its own caches.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) render_mesh: Option<RenderMesh>,
@@ -467,6 +470,27 @@ pub(in crate::scene_file) struct Elastic {
     /// A painted map: vertices where it is above one half are chosen, as in `map` of a pin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) map: Option<String>,
+}
+
+/// A part of a garment, for rules of contact: `between = ["coat.pocket", "coat"]` is the part `pocket` and the rest of `coat`. One of `faces`,
+/// `map`, `vertices` and `where` chooses its vertices; faces are of the part if all of their corners are.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Part {
+    /// Name, unique in the garment.
+    pub(in crate::scene_file) name: String,
+    /// Face sets of the rest shape, such as ["pocket*"]; of OBJ files, groups or materials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) faces: Vec<String>,
+    /// A painted map: vertices where it is above one half are chosen, as in `map` of a pin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) map: Option<String>,
+    /// Vertex numbers, from 0, in the order of the garment's file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) vertices: Option<Vec<u32>>,
+    /// A region: vertices that start inside are chosen.
+    #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) region: Option<Region>,
 }
 
 /// A corner of a panel.

@@ -20,7 +20,7 @@ use crate::units::{LengthUnit, UpAxis};
 pub(in crate::scene_file) use contact::Contact;
 pub(in crate::scene_file) use garment::{
     Axis, BIND, Ball, Bind, Corner, Disc, Elastic, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
-    PanelShape, Pin, Region, RenderMesh, Tube,
+    PanelShape, Part, Pin, Region, RenderMesh, Tube,
 };
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
