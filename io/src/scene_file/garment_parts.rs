@@ -102,3 +102,83 @@ impl Resolver<'_> {
         Some(side)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use drapery_core::scene::ContactSide::{Body, Garment, Part};
+
+    use crate::scene_file::parse;
+    use crate::shot_description::ShotDescription;
+
+    /// Two squares beside each other, the second one as group `pocket_left`, and a loose triangle.
+    const COAT: &str = "v 0 1 0\nv 1 1 0\nv 1 1 1\nv 0 1 1\nv 2 1 0\nv 2 1 1\nv 5 1 0\nv 6 1 0\nv 5 1 1\n\
+                        g cloth\nf 1 4 3 2\ng pocket_left\nf 2 3 6 5\ng cloth\nf 7 9 8\n";
+
+    fn resolved(part: &str, rule: &str) -> Result<ShotDescription, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("coat.obj"), COAT).expect("a file");
+        let text = format!(
+            "drapery = 1\nshot.frames = \"1-2\"\n[units]\nlength = \"m\"\nup = \"Y\"\n[self_collision]\n[[body]]\nname = \"ball\"\n\
+             shape.sphere.radius = 0.1\n[[garment]]\nname = \"coat\"\nrest = \"coat.obj\"\ndensity = 0.2\n{part}\n{rule}\n"
+        );
+        let scene = parse(&text, "s.toml", folder.path(), &[]).map_err(|error| error.to_string())?;
+        scene.resolve().map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+    }
+
+    fn part(selection: &str) -> String {
+        format!("[[garment.part]]\nname = \"pocket\"\n{selection}")
+    }
+
+    fn rule(between: &str) -> String {
+        format!("[[contact]]\nbetween = [{between}]\nignore = true")
+    }
+
+    #[test]
+    fn parts_are_chosen_and_named_in_rules() {
+        for (selection, vertices) in [
+            ("faces = [\"pocket*\"]", vec![1, 2, 4, 5]),
+            ("vertices = [8, 6, 7]", vec![6, 7, 8]),
+            ("where = { box = { min = [4, 0, -1], max = [9, 2, 2] } }", vec![6, 7, 8]),
+        ] {
+            for (between, sides) in [
+                ("\"coat.pocket\", \"coat\"", [Part(0, 0), Garment(0)]),
+                ("\"ball\", \"garment.coat.pocket\"", [Body(0), Part(0, 0)]),
+            ] {
+                let shot = resolved(&part(selection), &rule(between)).unwrap_or_else(|text| panic!("{text}"));
+                assert_eq!(shot.scene.garments[0].parts, [("pocket".to_owned(), vertices.clone())].into());
+                assert_eq!(shot.scene.contacts[0].between, sides);
+                // The scene as it is kept beside a run reads the same.
+                assert!(shot.resolved.contains("[[garment.part]]"), "{}", shot.resolved);
+            }
+        }
+    }
+
+    #[test]
+    fn parts_that_cannot_be_are_named_with_what_to_do() {
+        let named = rule("\"coat.pocket\", \"coat\"");
+        for (part, rule, words) in [
+            (part("faces = [\"pouch\"]"), &named, ["the garment has no face set `pouch`", "pocket_left"]),
+            (part("vertices = [9]"), &named, ["vertex 9 does not exist", "numbered from 0"]),
+            (part(""), &named, ["a part needs exactly one of `faces`, `map`, `vertices` and `where`", ""]),
+            (part("vertices = [1]") + "\nfaces = [\"pocket*\"]", &named, ["exactly one of", ""]),
+            (
+                part("vertices = [1]"),
+                &rule("\"coat.pokcet\", \"coat\""),
+                ["no garment and no body \"coat.pokcet\"", "coat.pocket"],
+            ),
+            (
+                part("vertices = [1]"),
+                &rule("\"coat\", \"coat\""),
+                ["no [[contact]] names this part", "\"coat.pocket\" in `between`"],
+            ),
+            (
+                part("vertices = [1]") + "\n" + &part("vertices = [2]"),
+                &named,
+                ["two parts have the name \"pocket\"", ""],
+            ),
+        ] {
+            let text = resolved(&part, rule).expect_err("it cannot be");
+            assert!(words.iter().all(|word| text.contains(word)), "{words:?}\n{text}");
+        }
+    }
+}

@@ -88,8 +88,14 @@ impl ContactMatrix {
         let mut rules: Vec<&ContactRule> = description.contacts.iter().collect();
         rules.sort_by_key(|rule| named_parts(rule));
         for rule in rules {
-            let entry = ContactEntry { is_ignored: rule.ignore, friction: rule.friction, thickness: rule.thickness };
             for [a, b] in pairs_of_objects(description, rule) {
+                // What a closer rule leaves open is that of the rule for the whole garment.
+                let wider = entries[a * objects + b];
+                let entry = ContactEntry {
+                    is_ignored: rule.ignore,
+                    friction: rule.friction.or(wider.friction),
+                    thickness: rule.thickness.or(wider.thickness),
+                };
                 (entries[a * objects + b], entries[b * objects + a]) = (entry, entry);
             }
         }
