@@ -230,7 +230,8 @@ def test_the_stage_of_the_shot_as_one_layer_keeps_all_their_values(shot, tmp_pat
     assert done.returncode == 0 and "left out" not in done.stdout + done.stderr and "animated" not in done.stdout + done.stderr, done
     for garment in ("lower", "upper"):
         cache, path = held(shot / f"{garment}.h5"), f"/{stage.stem}/{garment}/{garment}Shape"
-        prim = Usd.Stage.Open(str(layer)).GetPrimAtPath(path)
+        opened = Usd.Stage.Open(str(layer))
+        prim = opened.GetPrimAtPath(path)
         for name in ("strain", "contact"):
             seen = np.array([prim.GetAttribute(f"primvars:{name}").Get(frame) for frame in range(1001, 1005)])
             assert np.array_equal(seen, cache[name]) and not np.array_equal(seen[0], seen[-1]), name

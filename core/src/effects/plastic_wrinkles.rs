@@ -70,10 +70,10 @@ const FIELDS: &[Field] = &[
     },
     Field {
         name: "largest_angle",
-        dimension: Dimension::None,
+        dimension: Dimension::Angle,
         default: Default::Number(2.5),
         range: (0.0, 3.0),
-        help: "largest permanent change of a fold angle [rad]; pi is a fold flat onto itself",
+        help: "largest permanent change of a fold angle; pi is a fold flat onto itself",
     },
 ];
 

@@ -11,7 +11,6 @@ use super::guard::{Guard, seen};
 use super::instancer::Prototype;
 use super::left_out;
 use super::mesh::Mesh;
-use super::primvars::is_primvar;
 use super::reading::{Reading, flaws, usd_error};
 use super::values::{all_integers, number, numbers as list, vector, word};
 use super::worker::Panicked;
@@ -121,7 +120,7 @@ impl Session {
             for attribute in reading.ok(prim.authored_attributes(), &prim)? {
                 let name = attribute.name().to_owned();
                 let samples = reading.ok(attribute.time_sample_times(), &prim)?.len();
-                if samples < 2 || is_primvar(&name) {
+                if samples < 2 || name.starts_with("primvars:") {
                     continue;
                 }
                 if let Some(numbers) = reading.value(&attribute)?.as_ref().and_then(plain) {
