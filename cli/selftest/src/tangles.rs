@@ -9,6 +9,7 @@ use drapery_core::scene::{
     EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription, SeamDescription,
 };
 use drapery_core::self_intersections;
+use drapery_core::tolerances::OVERSTRETCHED;
 
 use crate::bench::{Bench, Input, Record, Trial};
 use crate::case::Figure;
@@ -85,7 +86,7 @@ pub fn judge(bench: &mut Bench<'_>, seed: u64) -> Result<Vec<Figure>, String> {
     ];
     let wrong = on_the_wrong_side(&garments, &record);
     figures.push(Figure::exactly("vertices on the wrong side at the end", wrong as f64, 0.0));
-    figures.push(Figure::at_most("largest strain", record.strain(), 0.5));
+    figures.push(Figure::at_most("largest strain", record.strain(), OVERSTRETCHED));
     Ok(figures)
 }
 

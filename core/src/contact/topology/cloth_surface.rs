@@ -121,9 +121,9 @@ impl LocalClothSurface {
 /// The object of each own vertex.
 pub(crate) fn objects(scene: &Scene) -> Vec<u32> {
     let (parts, description) = (scene.parts(), scene.description());
-    let of_garments: Vec<Option<Vec<u32>>> = (0..description.garments.len())
-        .map(|garment| ContactMatrix::objects_of_vertices(description, garment))
-        .collect();
+    let garments = parts.partition().garments().iter().map(ExactSizeIterator::len).enumerate();
+    let of_garments: Vec<Option<Vec<u32>>> =
+        garments.map(|(garment, count)| ContactMatrix::objects_of_vertices(description, garment, count)).collect();
     let object = |vertex: usize| {
         let (garment, number) = parts.own_vertex(vertex);
         of_garments[garment].as_ref().map_or(garment as u32, |objects| objects[number as usize])

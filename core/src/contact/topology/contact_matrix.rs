@@ -102,10 +102,14 @@ impl ContactMatrix {
         (!description.contacts.is_empty()).then_some(Self { garments, objects, garment_of, entries })
     }
 
-    /// The object of each vertex of a garment with parts, in the garment's own order; `None` for one without.
-    pub(crate) fn objects_of_vertices(description: &SceneDescription, garment: usize) -> Option<Vec<u32>> {
+    /// The object of each of a number of vertices of a garment with parts, in the garment's own order; `None` for one without.
+    pub(crate) fn objects_of_vertices(
+        description: &SceneDescription,
+        garment: usize,
+        vertices: usize,
+    ) -> Option<Vec<u32>> {
         let own = &description.garments[garment];
-        let mut all = vec![garment as u32; own.point_count()];
+        let mut all = vec![garment as u32; vertices];
         for (object, vertices) in
             objects(description, ContactSide::Garment(garment))[1..].iter().zip(own.parts.values())
         {
