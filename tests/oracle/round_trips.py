@@ -2,8 +2,11 @@
 
     python round_trips.py serve            answers the first who asks, until they end
     python round_trips.py ask HOST NUMBER  prints the times of so many round trips [s], the shortest first
+
+Both wait as ranks do: they ask again and again whether something has come, and let others have the processor in between.
 """
 
+import os
 import socket
 import sys
 import time
@@ -11,23 +14,35 @@ import time
 PORT, LENGTH = 5000, 8
 
 
+def receive(peer):
+    while True:
+        try:
+            return peer.recv(LENGTH)
+        except BlockingIOError:
+            os.sched_yield()
+
+
+def prepare(peer):
+    peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    peer.setblocking(False)
+    return peer
+
+
 def serve():
     with socket.create_server(("", PORT)) as server:
         print("ready", flush=True)
-        peer, _ = server.accept()
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        while said := peer.recv(LENGTH):
-            peer.sendall(said)
+        peer = prepare(server.accept()[0])
+        while said := receive(peer):
+            peer.send(said)
 
 
 def ask(host, number):
-    with socket.create_connection((host, PORT)) as peer:
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    with prepare(socket.create_connection((host, PORT))) as peer:
         times = []
         for _ in range(int(number)):
             began = time.perf_counter()
-            peer.sendall(b"." * LENGTH)
-            peer.recv(LENGTH)
+            peer.send(b"." * LENGTH)
+            receive(peer)
             times.append(time.perf_counter() - began)
     print(*sorted(times))
 
