@@ -1,4 +1,4 @@
-"""Costs and benefits of many ranks, on the spinning ball and the folded stack."""
+"""Costs and benefits of many ranks, on the spinning ball and the folded stack; `latency` adds those of ranks on two machines."""
 
 import os
 import resource
@@ -7,6 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from measure import latency
 from measure.page import Table
 from measure.runs import ROOT, TODAY, Run, alternating, run
 from measure.scenes import folded_stack, on_the_ball
@@ -54,8 +55,7 @@ def traffic(scene, frames, ranks):
 
     def measure():
         made = run(scene(), frames, ranks=ranks)
-        messages, sent, together, iterations = (
-            made.count(name) / made.steps for name in ("messages", "bytes_sent", "collectives", "cg_iterations"))
+        _, messages, sent, together, iterations = made.a_later_step("messages", "bytes_sent", "collectives", "cg_iterations")
         return [f"{figure:.1f}" for figure in (messages / ranks, sent / ranks / 1024, together, iterations)]
 
     return measure
@@ -78,12 +78,13 @@ TABLES = [
     Table(PAGE, "memory", ["most of a rank [MB]", "mean [MB]", "steps"], {
         f"memory_{ranks}": (f"{ranks} rank{'s' * (ranks > 1)}", memory(ranks)) for ranks in (1, 2, 4, 8)}),
     Table(PAGE, "traffic", ["messages of a rank and step", "kB of a rank and step", "collective operations a step", "iterations a step"], {
-        **{f"ball_{ranks}": (f"spinning ball, ranks: {ranks}", traffic(lambda: on_the_ball(316, 240), (0, 1), ranks))
+        **{f"ball_{ranks}": (f"spinning ball, ranks: {ranks}", traffic(lambda: on_the_ball(316, 240), (0, 2), ranks))
            for ranks in (1, 2, 4, 8, 16)},
         **{f"stack_{ranks}": (f"folded stack, ranks: {ranks}", traffic(folded_stack, (0, 6), ranks)) for ranks in (2, 4)},
     }),
     Table(PAGE, "large", ["steps", "s a step", "memory of all [MB]", "s in all", "body contacts", "collision steps"], {
         "large_threads": ("1 rank, 2 threads", large(threads=2)), "large_ranks": ("2 ranks, 1 thread each", large(ranks=2))}),
+    *latency.TABLES,
 ]
 
 

@@ -67,9 +67,10 @@ def assets(*arguments):
 
 
 class Run:
-    """A run: CPU seconds of its processes, seconds by the clock, and its record; `out` is its folder."""
+    """A run: CPU seconds of its processes, seconds by the clock, and its record; `out` is its folder. Ranks are started here, or on two
+    `machines` (`tests/oracle/machines.py`)."""
 
-    def __init__(self, program, scene, frames, settings=(), threads=1, ranks=1):
+    def __init__(self, program, scene, frames, settings=(), threads=1, ranks=1, machines=None):
         self.folder = Path(tempfile.mkdtemp(dir=_FOLDER))
         self.out = self.folder / "out"
         path = scene
@@ -79,7 +80,9 @@ class Run:
         words = [program, "run", path, "--frames", f"{frames[0]}-{frames[1]}", "--threads", threads, "--progress", "none"]
         words += ["--checkpoint-every", "1000h", "--out", self.out]
         words += [f"--set={setting}" for setting in [*settings, 'output.format=["h5"]']]
-        if ranks > 1:
+        if machines:
+            words = machines.mpirun(ranks, *words)
+        elif ranks > 1:
             words = ["mpirun", "-n", ranks, *words]
         done, self.cpu, self.wall = timed(words)
         if done.returncode != 0:
@@ -110,6 +113,13 @@ class Run:
         """Stages inside the simulation, those that took longest first."""
         inside = self._seconds.keys() - {"simulate", "read inputs", "write caches", "check caches"}
         return sorted(inside, key=lambda stage: -self._seconds[stage])
+
+    def a_later_step(self, *names):
+        """Milliseconds by the clock of a step, and counts of it, in the frames after the first: that counts the start of the run too."""
+        later = self.frames[1:]
+        steps = sum(frame["steps"] for frame in later)
+        return [1e3 * sum(frame["seconds"] for frame in later) / steps,
+                *(sum(frame["counts"].get(name, 0) for frame in later) / steps for name in names)]
 
     def a_frame(self, last=0):
         """CPU seconds of a frame, of all with the reading of the scene, or of the last ones alone."""

@@ -12,6 +12,7 @@ import pytest
 
 from howto import Run, frames_of
 from judges import ROOT, SHARED
+from machines import Machines, NoMachines
 
 
 @pytest.fixture
@@ -33,6 +34,25 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.section("figures")
         for line in lines:
             terminalreporter.line(line)
+
+
+@pytest.fixture
+def make_machines(tmp_path):
+    """Makes two machines that are connected by a cable: `make_machines(delay=50e-6, rate=1e9)`; skips where nobody can."""
+    made = []
+
+    def make(**cable):
+        folder = tmp_path / f"machines_{len(made)}"
+        folder.mkdir()
+        try:
+            made.append(Machines(folder, **cable))
+        except NoMachines as why:
+            pytest.skip(str(why))
+        return made[-1]
+
+    yield make
+    for two in made:
+        two.close()
 
 
 def program(variable, name):

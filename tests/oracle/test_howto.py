@@ -28,8 +28,10 @@ ELSEWHERE = {
                 "tests/oracle/test_blender_texts.py", "tests/oracle/test_blender_window.py"],
     "from_python": ["plugins/python/tests/test_analysis.py"],
     "view": ["tests/oracle/test_view.py", "cli/tests/command/view.rs"],
-    # The tour runs the page's two runs of the flag and compares them; then longer runs, on more processes, stopped and lost.
-    "two_machines": ["tests/tour/main.rs", "tests/oracle/test_mpi_runs.py", "tests/oracle/test_lost_rank.py"],
+    # The tour runs the page's two runs of the flag and compares them; then longer runs, on more processes, over a
+    # slow cable, stopped and lost.
+    "two_machines": ["tests/tour/main.rs", "tests/oracle/test_mpi_runs.py", "tests/oracle/test_lost_rank.py",
+                     "tests/oracle/test_two_machines.py"],
     "wedge": ["tests/oracle/test_wedge.py"],
 }
 

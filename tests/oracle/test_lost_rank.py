@@ -1,7 +1,7 @@
 """A rank that is lost: a link that is cut, a process that stands still. All ranks end within seconds, say which rank is gone, and the
 run continues from its last checkpoint to the same bytes.
 
-The two machines are network namespaces with a cable between them; where the system lets nobody make these, that test is skipped.
+The two machines are those of `machines.py`; where the system lets nobody make these, that test is skipped.
 """
 
 import json
@@ -11,7 +11,6 @@ import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
@@ -44,82 +43,6 @@ def whole(tmp_path_factory):
     return results(out)
 
 
-# Two machines, each a network of its own, and a cable between them. What is started inside ends with the shell.
-MACHINES = r"""
-set -e
-mount -t tmpfs none /run
-mkdir /run/netns
-ip netns add near
-ip netns add far
-ip link add to_far type veth peer name to_near
-ip link set to_far netns near
-ip link set to_near netns far
-ip -n near address add 10.9.0.1/24 dev to_far
-ip -n far address add 10.9.0.2/24 dev to_near
-for machine in near far; do ip -n $machine link set lo up; done
-ip -n near link set to_far up
-ip -n far link set to_near up
-printf '127.0.0.1 localhost\n10.9.0.1 near\n10.9.0.2 far\n' > "$1/hosts"
-mount --bind "$1/hosts" /etc/hosts
-ip netns exec far true
-echo ready $$
-exec cat
-"""
-
-# How mpirun starts its part on the other machine, and what starts each rank: both sides' words and exit codes are kept.
-AGENT = '#!/bin/sh\nmachine=$1; shift\nexec ip netns exec "$machine" sh -c "$*"\n'
-RANK = '#!/bin/sh\nfolder=$1; shift\n"$@" 2> "$folder/words.$OMPI_COMM_WORLD_RANK"\ncode=$?\n' \
-       'echo $code > "$folder/code.$OMPI_COMM_WORLD_RANK"\nexit $code\n'
-
-
-class Machines:
-    """Two machines that share a disk and are connected by a cable."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        for name, text in (("agent", AGENT), ("rank", RANK)):
-            (folder / name).write_text(text)
-            (folder / name).chmod(0o755)
-        as_root = [] if os.geteuid() == 0 else ["--map-root-user"]
-        command = ["unshare", *as_root, "--mount", "--net", "--pid", "--fork", "--mount-proc", "--kill-child", "bash", "-c", MACHINES,
-                   "bash", str(folder)]
-        self.shell = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        if not self.shell.stdout.readline().startswith("ready"):
-            said = self.shell.communicate(timeout=PATIENCE)[1]
-            pytest.skip(f"no network namespaces can be made here: {said.strip()[-300:]}")
-        inside = Path(f"/proc/{self.shell.pid}/task/{self.shell.pid}/children").read_text().split()[0]
-        self.enter = ["nsenter", *([] if not as_root else ["--user", "--preserve-credentials"]), "--mount", "--net", "--pid",
-                      "--target", inside]
-
-    def command(self, machine, *words):
-        return [*self.enter, "ip", "netns", "exec", machine, *map(str, words)]
-
-    def ask(self, *words):
-        return subprocess.run([*self.enter, *words], capture_output=True, text=True, check=True, timeout=PATIENCE).stdout
-
-    def cut(self):
-        self.ask("ip", "-n", "near", "link", "set", "to_far", "down")
-
-    def left(self):
-        """Processes on both machines."""
-        return [(machine, int(pid)) for machine in ("near", "far") for pid in self.ask("ip", "netns", "pids", machine).split()]
-
-    def close(self):
-        self.shell.kill()
-        self.shell.communicate(timeout=PATIENCE)
-
-
-@pytest.fixture
-def machines(tmp_path):
-    folder = tmp_path / "machines"
-    folder.mkdir()
-    if not shutil.which("ip") or not shutil.which("unshare"):
-        pytest.skip("no ip or unshare: no network namespaces can be made")
-    two = Machines(folder)
-    yield two
-    two.close()
-
-
 def status(out):
     done = subprocess.run([PROGRAM, "status", str(out), "--json"], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
@@ -134,14 +57,13 @@ def wait_until(holds, what):
     return time.monotonic() - began
 
 
-def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole, machines, tmp_path, report_figure):
+def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole, make_machines, tmp_path, report_figure):
+    machines = make_machines()
     out, folder = tmp_path / "out", machines.folder
     run = LONG.command(out, "--checkpoint-every", "1f", threads=1)
-    launch = ["mpirun", "-n", 2, "--host", "near:1,far:1", "--map-by", "node", "--mca", "btl", "tcp,self", "--mca", "plm_rsh_agent",
-              folder / "agent", folder / "rank", folder, PROGRAM, *run[1:]]
+    launch = machines.mpirun(2, folder / "rank", folder, PROGRAM, *run[1:])
     with open(f"{out}.words", "w") as words:
-        job = subprocess.Popen(machines.command("near", *launch), env=ENVIRONMENT | QUICK, stdin=subprocess.DEVNULL, stdout=words,
-                               stderr=words)
+        job = subprocess.Popen(launch, env=ENVIRONMENT | QUICK, stdin=subprocess.DEVNULL, stdout=words, stderr=words)
     await_frame(job, out, 2)
     assert sorted(processes(out)) == [0, 1]
     began = time.monotonic()
