@@ -75,7 +75,7 @@ def assert_run_is_that_of_one_rank(machines, which, ranks, out, alone):
     return passed
 
 
-@pytest.mark.parametrize("delay, ranks", [(0.0, 3), (50e-6, 2), (500e-6, 2)])
+@pytest.mark.parametrize("delay, ranks", [pytest.param(0.0, 3, marks=pytest.mark.full), (50e-6, 2), pytest.param(500e-6, 2, marks=pytest.mark.full)])
 def test_two_machines_write_the_bytes_of_one_rank(make_machines, alone, tmp_path, report_figure, delay, ranks):
     machines = make_machines(delay=delay, rate=RATE)
     shortest = machines.round_trips(20)[0]
@@ -85,7 +85,7 @@ def test_two_machines_write_the_bytes_of_one_rank(make_machines, alone, tmp_path
         report_figure(f"{integrator}, {ranks} ranks: {passed / 1e6:.0f} MB, {shortest * 0.5e6:.0f} µs one way at the least")
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", [pytest.param(INTEGRATORS[0], marks=pytest.mark.full), INTEGRATORS[1]])
 def test_a_run_on_two_machines_that_stops_goes_on_with_other_ranks_to_the_same_bytes(make_machines, alone, tmp_path, integrator):
     machines, out, which = make_machines(delay=50e-6, rate=RATE), tmp_path / "out", shot(integrator, "0-2")
     with open(f"{out}.words", "w") as words:

@@ -57,6 +57,7 @@ pub static SPEC: EffectSpec = EffectSpec {
             "pairs_pinched",
             "crossing_checks",
             "crossings_reverted",
+            "untangling_steps",
             "crossings",
         ],
     },
