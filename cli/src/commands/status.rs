@@ -47,7 +47,7 @@ pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
 /// Folders of the runs of a wedge, in the order of their names; any other folder as it is.
 fn runs_of(folder: &Path) -> Vec<PathBuf> {
     let is_run = |folder: &Path| folder.join(MANIFEST).is_file();
-    // A folder that cannot be listed is told as a run that cannot be read.
+    // A folder that cannot be listed counts as a run that cannot be read.
     let inside = fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
     let mut runs: Vec<PathBuf> = inside.filter(|folder| is_run(folder)).collect();
     if is_run(folder) || runs.is_empty() {

@@ -5,6 +5,7 @@
 //! no part, and the scene says so in its warnings.
 
 mod body;
+pub(crate) mod contact_matrix;
 mod contact_rule;
 pub(crate) mod described;
 mod elastic;

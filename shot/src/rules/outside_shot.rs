@@ -6,9 +6,6 @@ use drapery_core::settings::{SettingValue, short};
 
 use super::{Facts, Finding};
 
-/// The effect's name; a build without wind has none of its items.
-const WIND: &str = "wind";
-
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let shot = Shot::of(facts);
     let scene = facts.scene;
@@ -35,8 +32,10 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
             findings.push(shot.finding(&object, "spin.from", motion.spin_start, "it never turns"));
         }
     }
-    if let Some(SettingValue::Keys(keys)) = facts.request(WIND).and_then(|request| request.settings.get("keys")) {
-        findings.extend(shot.keys(WIND, "keys", keys.iter().map(|(time, _)| *time)));
+    for request in &scene.effects {
+        if let Some(SettingValue::Keys(keys)) = request.settings.get("keys") {
+            findings.extend(shot.keys(&request.effect, "keys", keys.iter().map(|(time, _)| *time)));
+        }
     }
     findings
 }
@@ -64,7 +63,7 @@ impl Shot {
         }
     }
 
-    /// What of a seam never happens, or has happened before the start.
+    /// Event of a seam that never happens, or has happened before the start.
     fn seam(&self, object: &str, seam: &SeamDescription) -> Option<Finding> {
         let opened = seam.opened.map(|opened| ("opened", opened)).or(seam.opens.map(|opens| ("opens", opens)));
         if let Some((key, time)) = opened.filter(|(_, time)| *time <= self.start) {

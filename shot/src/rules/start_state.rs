@@ -66,8 +66,8 @@ pub(super) fn find_layers(simulation: &Simulation) -> Vec<Finding> {
     let of_pair = |StartLayers { outer, inner, right, wrong }: &StartLayers| Finding {
         object: format!("garment \"{outer}\""),
         message: format!(
-            "its `layer` is larger than that of garment \"{inner}\", but in {wrong} of {} pairs of a point and a close face it \
-             lies inside, by the normals of the faces: swap the layers, or flip the faces of the garment whose normals point inwards",
+            "its `layer` is larger than that of garment \"{inner}\", but {wrong} of the {} points where they are close lie on the \
+             inside, by the normals of the faces: swap the layers, or flip the faces of the garment whose normals point inwards",
             right + wrong
         ),
         line: "the larger `layer` at the garment that is worn outside".to_owned(),

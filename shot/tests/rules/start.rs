@@ -60,8 +60,8 @@ fn layers_that_contradict_the_model_are_told() {
             )
     };
     let words = [
-        "garment \"scarf\": its `layer` is larger than that of garment \"sheet\", but in ",
-        " pairs of a point and a close face ",
+        "garment \"scarf\": its `layer` is larger than that of garment \"sheet\", but ",
+        " points where they are close lie on the inside",
         "swap the layers, or flip the faces",
     ];
     // Panels look down.

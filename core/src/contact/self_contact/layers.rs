@@ -20,7 +20,8 @@ pub(crate) fn layer_sides(scene: &Scene, x: &[Vec3], bodies: &Bodies) -> BTreeMa
     contact.gap = contact.gap_now();
     contact.rebuild(REACH);
     let (surface, start) = (&contact.surface, &contact.paths.start);
-    let mut own: BTreeMap<[usize; 2], [u64; 2]> = BTreeMap::new();
+    // The closest face of each garment, to each point.
+    let mut closest_faces: BTreeMap<(u32, usize), (f64, [usize; 2], bool)> = BTreeMap::new();
     for candidate in contact.proximity.list(PairKind::PointTriangle) {
         let pair = &candidate.pair;
         let [point, corner] = [pair.nodes[0], pair.nodes[1]];
@@ -35,7 +36,15 @@ pub(crate) fn layer_sides(scene: &Scene, x: &[Vec3], bodies: &Bodies) -> BTreeMa
         let is_right = (closest.apart.dot(&normal) > 0.0) == is_outer;
         let [of_point, of_face] = [point, corner].map(|node| surface.garment(node) as usize);
         let garments = if is_outer { [of_point, of_face] } else { [of_face, of_point] };
-        own.entry(garments).or_default()[usize::from(!is_right)] += 1;
+        let found = (closest.apart.norm(), garments, is_right);
+        let known = closest_faces.entry((point, of_face)).or_insert(found);
+        if found.0 < known.0 {
+            *known = found;
+        }
+    }
+    let mut own: BTreeMap<[usize; 2], [u64; 2]> = BTreeMap::new();
+    for (_, garments, is_right) in closest_faces.values() {
+        own.entry(*garments).or_default()[usize::from(!*is_right)] += 1;
     }
     let rows: Vec<[u64; 4]> = own.iter().map(|([a, b], [c, d])| [*a as u64, *b as u64, *c, *d]).collect();
     let mut all: BTreeMap<[usize; 2], [u64; 2]> = BTreeMap::new();

@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::contact::topology::contact_matrix::ContactMatrix;
 use crate::contact::topology::wearing_order::WearingOrder;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::SUM_BLOCK;
 use crate::scene::Scene;
+use crate::scene::contact_matrix::{ContactMatrix, objects_of_vertices};
 
 /// The cloth of a rank. Arrays over its own vertices, in the order of the scene.
 #[derive(Debug, Clone)]
@@ -69,7 +69,7 @@ impl LocalClothSurface {
             largest_thickness: has_thickness.then(|| vec![f64::INFINITY; own.len()]),
             friction: scene.painted_everywhere("self_friction").map(|all| all[own.clone()].to_vec()),
             edge_length: vec![0.0; own.len()],
-            object: objects(scene),
+            object: objects_of_vertices(scene),
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),
             mean_edge: scene.mean_edge(),
             matrix,
@@ -116,19 +116,6 @@ impl LocalClothSurface {
             }
         }
     }
-}
-
-/// The object of each own vertex.
-pub(crate) fn objects(scene: &Scene) -> Vec<u32> {
-    let (parts, description) = (scene.parts(), scene.description());
-    let garments = parts.partition().garments().iter().map(ExactSizeIterator::len).enumerate();
-    let of_garments: Vec<Option<Vec<u32>>> =
-        garments.map(|(garment, count)| ContactMatrix::objects_of_vertices(description, garment, count)).collect();
-    let object = |vertex: usize| {
-        let (garment, number) = parts.own_vertex(vertex);
-        of_garments[garment].as_ref().map_or(garment as u32, |objects| objects[number as usize])
-    };
-    parts.own().map(object).collect()
 }
 
 /// The blocks of sums of a part.

@@ -2,13 +2,12 @@
 //! the faces, edges and vertices between them, and the pairs of these.
 //!
 //! Read in this order: [`pair`] (a point and a triangle, or two edges), [`nodes`] (their numbers on this rank and in the
-//! scene), [`faces`], [`cloth_surface`] (what a rank brings in), [`contact_matrix`] (what ignores what), [`pair_friction`],
+//! scene), [`faces`], [`cloth_surface`] (what a rank brings in), [`pair_friction`],
 //! [`wearing_order`] (which garment is outside), [`surface`] (all of it),
 //! [`common_rigid_motion`] (what moves alike brings nothing closer).
 
 pub(crate) mod cloth_surface;
 pub(crate) mod common_rigid_motion;
-pub(crate) mod contact_matrix;
 pub(crate) mod faces;
 pub(crate) mod nodes;
 pub(crate) mod pair;

@@ -1,6 +1,6 @@
 //! Coefficient of friction of a pair of cloth with cloth: of the scene, by rules, and as it is painted.
 
-use crate::contact::topology::contact_matrix::ContactMatrix;
+use crate::scene::contact_matrix::ContactMatrix;
 
 /// Friction of cloth on cloth where it differs from that of the scene.
 #[derive(Debug, Clone, Copy, Default)]

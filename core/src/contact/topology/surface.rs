@@ -10,7 +10,6 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision;
 use crate::contact::topology::cloth_surface::LocalClothSurface;
 use crate::contact::topology::common_rigid_motion::Samples;
-use crate::contact::topology::contact_matrix::{ContactGroups, ContactMatrix};
 use crate::contact::topology::faces::{Faces, Sides};
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
@@ -18,6 +17,7 @@ use crate::contact::topology::pair_friction::PairFriction;
 use crate::contact::topology::wearing_order::WearingOrder;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
+use crate::scene::contact_matrix::{ContactGroups, ContactMatrix};
 use crate::scene::{BodyShape, Scene};
 
 /// Object of a node that is not known yet.

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::check_values;
-use crate::contact::topology::contact_matrix::{named_parts, pairs_of_objects};
 use crate::effects::{self_collision, self_repulsion};
 use crate::error::Problem;
+use crate::scene::contact_matrix::{named_parts, pairs_of_objects};
 use crate::scene::{ContactRule, ContactSide, SceneDescription};
 
 /// Objects, contradictions and numbers of rules of contact, and rules that change nothing.

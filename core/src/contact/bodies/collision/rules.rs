@@ -1,9 +1,8 @@
 //! Contact of each garment, or part of one, with each body, where rules make a difference.
 
 use crate::contact::bodies::BodyContactProperties;
-use crate::contact::topology::cloth_surface::objects;
-use crate::contact::topology::contact_matrix::ContactMatrix;
 use crate::scene::Scene;
+use crate::scene::contact_matrix::{ContactMatrix, objects_of_vertices};
 use crate::tolerances;
 
 /// Contact by object of cloth and body.
@@ -34,7 +33,7 @@ impl BodyRules {
             of_pair.thickness = rule.thickness.unwrap_or(of_pair.thickness);
             of_pair.offset = of_pair.thickness + gap;
         }
-        Some(Self { object: objects(scene), bodies, properties })
+        Some(Self { object: objects_of_vertices(scene), bodies, properties })
     }
 
     /// Contact of an own vertex, by its place among these, with each body.

@@ -3,7 +3,9 @@
 //!
 //! *Objects* are the garments, then the bodies, then parts of garments that rules name.
 
-use crate::scene::{ContactRule, ContactSide, SceneDescription};
+use std::ops::Range;
+
+use crate::scene::{ContactRule, ContactSide, Scene, SceneDescription};
 
 /// Groups of objects that one mask can tell apart.
 const GROUPS: usize = u64::BITS as usize;
@@ -76,6 +78,27 @@ pub(crate) fn named_parts(rule: &ContactRule) -> usize {
     rule.between.iter().filter(|side| matches!(side, ContactSide::Part(..))).count()
 }
 
+/// The object of each own vertex of a rank: its garment, or a part of it.
+pub(crate) fn objects_of_vertices(scene: &Scene) -> Vec<u32> {
+    let (parts, description) = (scene.parts(), scene.description());
+    let of_garment = |(garment, vertices): (usize, &Range<usize>)| {
+        let named = &description.garments[garment].parts;
+        let mut all = vec![garment as u32; if named.is_empty() { 0 } else { vertices.len() }];
+        let numbers = objects(description, ContactSide::Garment(garment));
+        for (object, vertices) in numbers[1..].iter().zip(named.values()) {
+            vertices.iter().for_each(|vertex| all[*vertex as usize] = *object as u32);
+        }
+        all
+    };
+    let of_garments: Vec<Vec<u32>> = parts.partition().garments().iter().enumerate().map(of_garment).collect();
+    let object = |vertex: usize| {
+        let (garment, number) = parts.own_vertex(vertex);
+        // Garments without parts have no list.
+        of_garments[garment].get(number as usize).copied().unwrap_or(garment as u32)
+    };
+    parts.own().map(object).collect()
+}
+
 impl ContactMatrix {
     /// The matrix of a scene; `None` if it has no rules.
     pub(crate) fn of(description: &SceneDescription) -> Option<Self> {
@@ -100,22 +123,6 @@ impl ContactMatrix {
             }
         }
         (!description.contacts.is_empty()).then_some(Self { garments, objects, garment_of, entries })
-    }
-
-    /// The object of each of a number of vertices of a garment with parts, in the garment's own order; `None` for one without.
-    pub(crate) fn objects_of_vertices(
-        description: &SceneDescription,
-        garment: usize,
-        vertices: usize,
-    ) -> Option<Vec<u32>> {
-        let own = &description.garments[garment];
-        let mut all = vec![garment as u32; vertices];
-        for (object, vertices) in
-            objects(description, ContactSide::Garment(garment))[1..].iter().zip(own.parts.values())
-        {
-            vertices.iter().for_each(|vertex| all[*vertex as usize] = *object as u32);
-        }
-        (!own.parts.is_empty()).then_some(all)
     }
 
     /// The garment of an object; [`NO_GARMENT`] for a body.
