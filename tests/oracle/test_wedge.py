@@ -106,10 +106,10 @@ def test_a_wedge_of_a_thousand_is_refused(tmp_path):
 
 def test_a_run_that_fails_does_not_stop_the_others(tmp_path):
     """A ball around the cloth: the run is refused, and the others are done."""
-    text = wedge(tmp_path, "--vary", "body.ball.position=[0, 0.72, 0],[0, 0.6, 0]", "--frames", "0-1", code=FAILED)
+    text = wedge(tmp_path, "--vary", "body.ball.shape.sphere.radius=2,0.2", "--frames", "0-1", code=FAILED)
     rows = table(tmp_path)
     assert [row["state"] for row in rows.values()] == ["not run", "done"]
-    assert "position=-0,0.72,0 failed" in text
+    assert "radius=2 failed" in text
     assert "inside" in (tmp_path / "logs" / f"{next(iter(rows))}.txt").read_text()
 
 
