@@ -72,6 +72,7 @@ name = "g"
 panel = { resolution = 4, side = 1.0, aspect = 1.0, center = [0.0, 1.0, 0.0], rotation = { axis = [1.0, 0.0, 0.0], degrees = 5.0 } }
 density = 0.15
 thickness = 0.001
+layer = 1
 velocity = [0.0, 0.0, 0.0]
 [garment.stretch]
 stiffness = 100.0

@@ -128,9 +128,9 @@ fn the_plan_names_the_source_of_every_setting() {
     let arguments = ["plan", "scene.toml", "--set", "gravity.acceleration=[0, -1.62, 0]"];
     let text = drapery(folder.path(), &arguments).stdout;
     for line in [
-        "    stiffness = 261 (material cotton_shirting)",
+        "    stiffness = 261 N/m (material cotton_shirting)",
         "    damping_ratio = 3 (scene)",
-        "    acceleration = [0.0, -1.62, 0.0] (--set)",
+        "    acceleration = [0.0, -1.62, 0.0] m/s² (--set)",
     ] {
         assert!(text.lines().any(|printed| printed == line), "no `{line}` in\n{text}");
     }
