@@ -11,7 +11,7 @@ degradations,retries,distance_rms_m,distance_max_m";
 pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures], settings: &[Vec<(String, String)>]) -> String {
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
     let optional = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let line = |(((name, _), run), settings): ((&(String, RunFolder), &RunFigures), &Vec<(String, String)>)| {
+    let line = |name: &str, run: &RunFigures, settings: &[(String, String)]| {
         let strain = run.strain.as_ref();
         let mut fields = vec![quoted(name)];
         fields.extend(settings.iter().map(|(_, value)| quoted(value)));
@@ -31,7 +31,8 @@ pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures], settings
         ]);
         fields.join(",")
     };
-    let lines: Vec<String> = runs.iter().zip(figures).zip(settings).map(line).collect();
+    let rows = runs.iter().zip(figures).zip(settings);
+    let lines: Vec<String> = rows.map(|(((name, _), run), settings)| line(name, run, settings)).collect();
     let keys: String = settings.iter().take(1).flatten().map(|(key, _)| format!("{},", quoted(key))).collect();
     format!("run,{keys}{FIGURES}\n{}\n", lines.join("\n"))
 }

@@ -89,7 +89,7 @@ pub(super) fn find_inside(
             let Some((deepest, own)) = all.into_iter().min_by(|a, b| b.0.total_cmp(&a.0)) else { continue };
             if 2 * count <= all_free && deepest < depth_reach(scene) {
                 let (garment, body) = (garment.name.clone(), body.name.clone());
-                found.push(StartInside { garment, body, vertices: count, deepest: (deepest, own as u32) });
+                found.push(StartInside { garment, body, vertices: count, deepest: (deepest, own) });
                 continue;
             }
             let is_surface = matches!(body.shape, BodyShape::Surface { .. });

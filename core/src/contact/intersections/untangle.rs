@@ -56,7 +56,8 @@ pub(crate) fn push_apart(
     let (cloth, others): (Vec<Crossing>, Vec<Crossing>) = crossings.iter().partition(|c| surface.is_cloth(c));
     let place = |crossing: &Crossing| Place::new(&known, crossing);
     let places: Vec<Option<Place>> = cloth.iter().map(place).collect();
-    let (mut draws, mut pushes): (Vec<(Push, f64)>, Vec<(Push, f64)>) = Default::default();
+    let mut draws: Vec<(Push, f64)> = Vec::new();
+    let mut pushes: Vec<(Push, f64)> = Vec::new();
     let speed = |crossing: &Crossing, rate: f64| rate * known.edges[&crossing.edge].length;
     for ((crossing, place), along) in cloth.iter().zip(&places).zip(along_lines(&known, &cloth, &places)) {
         let Some(place) = place else { continue };
