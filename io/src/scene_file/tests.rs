@@ -469,8 +469,8 @@ fn pins_that_hold_nothing_real_are_refused() {
         let scene = read(&SHEET.replace("corners = [\"i0j0\", \"i0jn\"]", lines)).expect("a scene");
         scene.resolve().expect_err("an empty box")[0].help.clone().expect("a help")
     };
-    let bounds = "the garment starts from [-0.750, 1.500, -0.500] to [0.750, 1.500, 0.500] m";
-    let nearest = format!("{bounds}; its vertex nearest to the box is 34 at [0.750, 1.500, 0.500], 14.020 m away");
+    let bounds = "the garment starts from [-0.850, 1.500, -0.500] to [0.850, 1.500, 0.500] m";
+    let nearest = format!("{bounds}; its vertex nearest to the box is 34 at [0.850, 1.500, 0.500], 13.961 m away");
     assert_eq!(help(nowhere), nearest);
     let inverted = "where = { box = { min = [0, 1, 0], max = [1, 0, 1] } }";
     assert_eq!(help(inverted), "exchange `min` and `max` along y: 1 is above 0");
