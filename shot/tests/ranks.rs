@@ -224,7 +224,7 @@ fn a_broken_scene_or_folder_ends_all_ranks() {
     };
     let inside = || {
         let mut inside = shot();
-        inside.scene.bodies[0].motion = RigidMotion::at(Vec3::new(0.5, 0.45, 0.5));
+        inside.scene.bodies[0].shape = BodyShape::Rigid(Shape::Sphere { radius: 5.0 });
         inside
     };
     let folder = tempfile::tempdir().unwrap();
