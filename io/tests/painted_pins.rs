@@ -56,7 +56,7 @@ fn maps_that_hold_nothing_real_are_refused() {
     for (values, words) in [
         ("0 0.25 0 0", ["nowhere above 0.5", "largest value is 0.25"]),
         ("1 1 1", ["this map has 3 values", "the garment has 4"]),
-        ("1 nan 0 0", ["not a finite number", "vertex 1"]),
+        ("1 nan 0 0", ["`nan` is not a number", "vertex 1"]),
     ] {
         fs::write(folder.path().join("hold.txt"), values).unwrap();
         let error = pinned(folder.path(), "square.obj", "map = \"file:hold.txt\"").unwrap_err();
