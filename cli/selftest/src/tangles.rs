@@ -5,9 +5,7 @@ use std::f64::consts::TAU;
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::{
-    EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription, SeamDescription,
-};
+use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, SeamDescription};
 use drapery_core::self_intersections;
 use drapery_core::tolerances::OVERSTRETCHED;
 
@@ -54,22 +52,25 @@ pub fn title(seed: u64) -> &'static str {
     KINDS[seed as usize % KINDS.len()].0
 }
 
+/// The tangle of a seed, with contact.
+fn tangle(seed: u64) -> Tangle {
+    let (_, kind) = KINDS[seed as usize % KINDS.len()];
+    let mut tangle = kind(&mut Random::new(seed));
+    add_self_contact(&mut tangle.description);
+    tangle
+}
+
 /// The garments of a seed, with contact; without the body that some kinds have.
 pub fn scene(seed: u64) -> SceneDescription {
-    let (_, kind) = KINDS[seed as usize % KINDS.len()];
-    let Tangle { mut description, .. } = kind(&mut Random::new(seed));
-    add_self_contact(&mut description);
-    description
+    tangle(seed).description
 }
 
 /// Runs the tangle of a seed.
 ///
 /// # Errors
-/// As [`Bench::simulate`].
+/// The errors of [`Bench::simulate`].
 pub fn judge(bench: &mut Bench<'_>, seed: u64) -> Result<Vec<Figure>, String> {
-    let (_, kind) = KINDS[seed as usize % KINDS.len()];
-    let Tangle { mut description, body } = kind(&mut Random::new(seed));
-    add_self_contact(&mut description);
+    let Tangle { mut description, body } = tangle(seed);
     let input: Input<'_> = match &body {
         None => Trial::still(description.clone(), 0).input,
         Some((points, triangles)) => add_mesh_body(&mut description, triangles.clone(), |_| points.clone()),
@@ -154,10 +155,9 @@ fn is_behind(point: &Vec3, faces: &[[u32; 3]], x: &[Vec3]) -> bool {
 
 /// A sheet that `place` puts in space: by its coordinates along both sides from its corner [m].
 fn placed(name: &str, cells: [usize; 2], layer: Option<u32>, place: impl Fn(f64, f64) -> Vec3) -> GarmentDescription {
-    let mut mesh = sheet(cells[0], cells[1], CELL);
+    let mesh = sheet(cells[0], cells[1], CELL);
     let half = [cells[0], cells[1]].map(|cells| 0.5 * cells as f64 * CELL);
     let points: Vec<Vec3> = mesh.points.iter().map(|p| place(p.x + half[0], p.z + half[1])).collect();
-    mesh.points.iter_mut().for_each(|p| *p = Vec3::new(p.x, 0.0, p.z));
     GarmentDescription { start: Some(points), layer, ..GarmentDescription::new(name, mesh, 0.2) }
 }
 
@@ -193,21 +193,6 @@ fn dressed(garments: Vec<GarmentDescription>, has_weight: bool) -> SceneDescript
     description
 }
 
-/// Pins vertices of a garment where they start.
-fn pin(description: &mut SceneDescription, garment: usize, vertices: Vec<u32>) {
-    if description.pins.is_empty() {
-        description.effects.push(EffectRequest::of_scene("pins"));
-    }
-    description.pins.push(PinDescription {
-        garment,
-        target: PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets: Vec::new() },
-        axes: [true; 3],
-        from: f64::NEG_INFINITY,
-        until: f64::INFINITY,
-        hold: PinHold::Hard,
-    });
-}
-
 /// The corners of a sheet of `cells` squares.
 fn corners([x, z]: [usize; 2]) -> Vec<u32> {
     [0, x, (x + 1) * z, (x + 1) * (z + 1) - 1].map(|vertex| vertex as u32).into()
@@ -229,7 +214,7 @@ fn sheet_through_sheet(random: &mut Random) -> Tangle {
         Vec3::new(0.1 + shift, 0.0, 0.1) + along * x + Vec3::y() * (y * tilt.cos() + 0.0031) + across * (y * tilt.sin())
     });
     let mut description = dressed(vec![bed(cells), upper], true);
-    pin(&mut description, 0, corners(cells));
+    add_pins(&mut description, corners(cells));
     Tangle { description, body: None }
 }
 
@@ -244,7 +229,7 @@ fn sleeve_through_bodice(random: &mut Random) -> Tangle {
         Vec3::new(x + out, 0.1 + lift + 0.038 * cos, 0.038 * sin)
     });
     let mut description = dressed(vec![bodice, sleeve], false);
-    pin(&mut description, 0, (0..62).chain(62 * 20..62 * 21).collect());
+    add_pins(&mut description, (0..62).chain(62 * 20..62 * 21).collect());
     Tangle { description, body: None }
 }
 
@@ -257,7 +242,7 @@ fn pocket_through_panel(random: &mut Random) -> Tangle {
         Vec3::new(0.0571 + x, -0.0553 - y, depth)
     });
     let mut description = dressed(vec![panel, pocket], true);
-    pin(&mut description, 0, (0..21).collect());
+    add_pins(&mut description, (0..21).collect());
     let pairs = (0..9).map(|i| [i + 9 * 8, 6 + i + 21 * 14]).collect();
     let seam = SeamDescription { rest_gap: Some(0.002), ..SeamDescription::new([1, 0], pairs, 400.0) };
     description.seams.push(seam);
@@ -281,7 +266,7 @@ fn hem_tucked_under(random: &mut Random) -> Tangle {
         Vec3::new(0.032 + along + turn * (z - 0.07), y, 0.031 + z)
     });
     let mut description = dressed(vec![bed(cells), outer], true);
-    pin(&mut description, 0, corners(cells));
+    add_pins(&mut description, corners(cells));
     Tangle { description, body: None }
 }
 
@@ -299,7 +284,7 @@ fn three_layers(random: &mut Random) -> Tangle {
     };
     let garments = waves.iter().enumerate().map(|(k, wave)| layer((k, wave))).collect();
     let mut description = dressed(garments, true);
-    pin(&mut description, 0, corners(cells));
+    add_pins(&mut description, corners(cells));
     Tangle { description, body: None }
 }
 
@@ -341,7 +326,7 @@ fn collar_folded_in(random: &mut Random) -> Tangle {
     });
     // No weight: the shoulders that would bear it are not there.
     let mut description = dressed(vec![coat, collar], false);
-    pin(&mut description, 0, (0..40).collect());
+    add_pins(&mut description, (0..40).collect());
     let pairs = (0..40).map(|i| [i + 40 * 5, i + 40 * 14]).collect();
     description.seams.push(SeamDescription { rest_gap: Some(0.001), ..SeamDescription::new([1, 0], pairs, 400.0) });
     description.effects.push(EffectRequest::of_scene("seams"));

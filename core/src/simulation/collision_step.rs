@@ -14,6 +14,7 @@ use std::sync::Arc;
 use super::recovery::FailureKind;
 use super::{FrameSummary, Simulation};
 use crate::clock::Watch;
+use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
 use crate::observe::{Observer, Place, Quantity};
@@ -167,21 +168,26 @@ impl Simulation {
 
     /// Puts everything back to the last collision-free state.
     pub(super) fn rewind(&mut self) {
-        let Self { scene, contacts, cloth, prescribed, retry, .. } = self;
+        let Self { scene, contacts, cloth, retry, .. } = self;
         let state = &mut cloth.state;
         if let Some(contact) = &contacts.cloth {
             contact.rewind(state);
         }
         state.a.clone_from(&retry.a_start);
         retry.forget_steps();
-        let (parts, time) = (scene.parts(), state.time);
+        let parts = scene.parts();
         parts.halo().update(parts.ranks(), &mut state.x);
         parts.halo().update(parts.ranks(), &mut state.v);
+        self.hold_still();
+    }
+
+    /// Puts bodies and pins where they are at the time of the state, at rest.
+    pub(super) fn hold_still(&mut self) {
+        let Self { contacts, cloth, prescribed, .. } = self;
+        let time = cloth.state.time;
         prescribed.bodies.set_step(time, time);
-        prescribed.targets.set_step(&prescribed.bodies, &prescribed.tracks, &state.x, (time, time));
-        if let Some(collision) = &mut contacts.bodies {
-            collision.forget();
-        }
+        prescribed.targets.set_step(&prescribed.bodies, &prescribed.tracks, &cloth.state.x, (time, time));
+        contacts.bodies.iter_mut().for_each(BodyCollision::forget);
     }
 
     /// B: one time step towards `end` [s]; what went wrong in it.

@@ -55,13 +55,4 @@ impl Simulation {
     fn let_wander(&mut self, lets_wander: bool) {
         self.contacts.cloth.iter_mut().for_each(|contact| contact.let_wander(lets_wander));
     }
-
-    /// Lets bodies and pins stay where they are at the time of the state.
-    fn hold_still(&mut self) {
-        let Self { contacts, cloth, prescribed, .. } = self;
-        let time = cloth.state.time;
-        prescribed.bodies.set_step(time, time);
-        prescribed.targets.set_step(&prescribed.bodies, &prescribed.tracks, &cloth.state.x, (time, time));
-        contacts.bodies.iter_mut().for_each(|bodies| bodies.forget());
-    }
 }

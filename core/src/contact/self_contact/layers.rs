@@ -6,6 +6,7 @@ use super::{CollisionSettings, SelfContact};
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::topology::pair::PairKind;
+use crate::contact::topology::wearing_order::WearingOrder;
 use crate::scene::Scene;
 
 /// Reach within which points and faces are looked at, as a share of their edges.
@@ -14,8 +15,8 @@ const REACH: f64 = 0.5;
 /// Points that are close to a face of another garment, over its inside: two garments, the outer one first, with those on the side that
 /// the order says and those on the other. The same on all ranks, which call it together with the positions `x` [m] of their vertices.
 pub(crate) fn layer_sides(scene: &Scene, x: &[Vec3], bodies: &Bodies) -> BTreeMap<[usize; 2], [u64; 2]> {
+    let Some(order) = WearingOrder::of(scene) else { return BTreeMap::new() };
     let mut contact = SelfContact::new(scene, None, Some(CollisionSettings { max_steps: 1 }));
-    let Some(order) = contact.surface.wearing_order().cloned() else { return BTreeMap::new() };
     contact.surface.gather(x, bodies, &mut contact.paths.start);
     contact.gap = contact.gap_now();
     contact.rebuild(REACH);
