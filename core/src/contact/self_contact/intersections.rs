@@ -6,11 +6,10 @@ use super::{Geometric, SelfContact};
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::collisions::collision_loop::{MARGIN, holds_all};
-use crate::contact::intersections::exact::{crossings, ignored_pairs, pinched_vertices};
+use crate::contact::intersections::exact::{crossings, pinched_vertices};
 use crate::contact::intersections::tangle::Tangle;
 use crate::contact::intersections::untangle::push_apart;
 use crate::contact::topology::nodes::ContactNodes;
-use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -152,12 +151,6 @@ impl SelfContact {
 }
 
 impl Geometric {
-    /// Whether the sides of a pair may pass through each other, because they cross, or close to a crossing that the wearing order
-    /// decides.
-    pub(super) fn may_pass(&self, pair: &Pair) -> bool {
-        self.ignored.binary_search(pair).is_ok() || self.tangle.lets_pass(pair)
-    }
-
     /// Numbers of crossings of cloth with cloth that are not of tangles, and of those that are.
     fn counts(&self, surface: &ContactSurface, crossings: &[Crossing]) -> [usize; 2] {
         let among_cloth = || crossings.iter().filter(|crossing| surface.is_cloth(crossing));
@@ -180,8 +173,7 @@ impl Geometric {
 
     /// Takes note of what crosses now.
     fn note_crossings(&mut self, surface: &ContactSurface, crossings: Vec<Crossing>, bodies: &Bodies) {
-        self.ignored = ignored_pairs(&crossings);
-        self.tangle = Tangle::around(surface, &crossings);
+        self.tangle = Tangle::of(surface, &crossings);
         self.pinched = pinched_vertices(surface, &crossings, bodies);
         self.crossings = crossings;
     }

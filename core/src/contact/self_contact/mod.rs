@@ -18,7 +18,6 @@ use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
-use crate::contact::intersections::exact::ignored_pairs;
 use crate::contact::intersections::tangle::Tangle;
 use crate::contact::repulsion::pair_forces::UnrepelledMotion;
 use crate::contact::repulsion::{Laws, Repulsions};
@@ -63,9 +62,7 @@ struct Geometric {
     /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched. These and what follows
     /// from them are alike on all ranks, in numbers of the scene.
     crossings: Vec<Crossing>,
-    /// Pairs that are left alone because of them, ascending.
-    ignored: Vec<Pair>,
-    /// Their surroundings where the wearing order decides.
+    /// Pairs that are left alone because of them.
     tangle: Tangle,
     /// Whether lines may wander that the wearing order decides, for which their number may grow.
     lets_wander: bool,
@@ -139,7 +136,6 @@ impl SelfContact {
             work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
-            ignored: Vec::new(),
             tangle: Tangle::default(),
             lets_wander: false,
             pinched: Vec::new(),
@@ -253,12 +249,12 @@ impl SelfContact {
             self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
-            let crossing = self.geometric.as_ref().filter(|g| !g.ignored.is_empty());
+            let tangle = self.geometric.as_ref().map(|g| &g.tangle).filter(|tangle| !tangle.is_empty());
             let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
-                crossing.is_some_and(|g| g.may_pass(pair))
+                tangle.is_some_and(|tangle| tangle.lets_pass(pair))
                     || (!self.without_repulsion.is_empty() && is_without_repulsion(pair))
             };
             repulsions.record_orientations(
@@ -371,15 +367,13 @@ impl SelfContact {
     /// before when it is done.
     fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> LoopOutcome {
         let Self { surface, search, proximity, geometric, paths, gap, .. } = self;
-        let Some(Geometric { control, work, ignored, tangle, pinched, .. }) = geometric else {
-            return LoopOutcome::default();
-        };
+        let Some(Geometric { control, work, tangle, pinched, .. }) = geometric else { return LoopOutcome::default() };
         let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
             let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
-            ignored.binary_search(pair).is_ok() || tangle.lets_pass(pair) || (!pinched.is_empty() && lets_out())
+            tangle.lets_pass(pair) || (!pinched.is_empty() && lets_out())
         };
         let mut collisions = Collisions {
             surface,
@@ -445,8 +439,7 @@ impl SelfContact {
         let rows = memory.values("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
-        geometric.ignored = ignored_pairs(&geometric.crossings);
-        geometric.tangle = Tangle::around(&self.surface, &geometric.crossings);
+        geometric.tangle = Tangle::of(&self.surface, &geometric.crossings);
         geometric.pinched = memory.values("pinched").to_vec();
         Ok(())
     }
