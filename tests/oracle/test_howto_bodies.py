@@ -272,7 +272,7 @@ def test_rules_of_contact_do_what_the_page_says(tmp_path, report_figure):
     body = '[[body]]\nname = "hero"\nshape = { sphere = { radius = 0.15 } }\nfriction = 0.3\nthickness = "2 mm"\n'
     head = ('drapery = 1\n[shot]\nname = "rules"\nfps = "24"\nframes = "0-10"\n[gravity]\n[self_repulsion]\n[self_collision]\n')
     text = head + body + garment("coat", 0.21) + crossed + garment("scarf", 0.23)
-    rules = "\n".join(["", fenced("layers", "toml", 0)])
+    rules = "\n".join(["", fenced("layers", "toml", 1)])
     ends = {}
     for name, more in (("without", ""), ("with", rules)):
         scene.write_text(text + more)
