@@ -125,7 +125,7 @@ impl WrittenFaces {
     pub(crate) fn find(&mut self, simulation: &Simulation) -> Vec<OtherCut> {
         let (units, origin) = (self.units, self.origin);
         for (number, body) in &mut self.bodies {
-            let positions = simulation.bodies().surface_positions(*number);
+            let positions = simulation.bodies().contact_positions(*number);
             body.search.place(positions.iter().map(|x| units.from_si(x - origin)));
         }
         let scene = simulation.scene().description();

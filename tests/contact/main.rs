@@ -7,6 +7,7 @@ mod layers;
 mod parts;
 mod rules;
 mod self_contact;
+mod shapes;
 mod tangles;
 
 use drapery_core::Vec3;

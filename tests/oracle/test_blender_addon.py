@@ -169,7 +169,7 @@ def test_what_is_wrong_is_said_in_the_panel(problems, when, words):
 
 
 def test_a_button_without_a_solver_or_with_a_problem_is_cancelled(problems):
-    assert list(problems["results"]) == ["check CANCELLED", "plan CANCELLED", "simulate CANCELLED", "inside CANCELLED"]
+    assert list(problems["results"]) == ["check CANCELLED", "plan CANCELLED", "simulate CANCELLED", "inside FINISHED"]
 
 
 def test_show_goes_to_the_object_the_frame_and_the_vertex(problems):

@@ -1,7 +1,7 @@
 //! Self-collision: what starts free of crossings stays free of them (`docs/theory/self_contact.md#geometric-collisions`).
 //!
 //! After every few time steps the straight way of every vertex since the last collision-free state is looked at; what
-//! would pass through something is stopped, cloth against cloth and cloth against the faces and edges of deforming bodies.
+//! would pass through something is stopped, cloth against cloth and cloth against the faces and edges of bodies.
 //! Hard cases form impact zones, and at last stay where they were: all of it is counted. Pairs that cross at the start are left
 //! alone until they separate.
 //!
@@ -17,7 +17,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "self_collision",
-    summary: "cloth never passes through cloth, nor through the faces of deforming bodies",
+    summary: "cloth never passes through cloth, nor through the edges and faces of bodies",
     scope: Scope::Scene,
     example: "[self_collision]",
     fields: &[Field {

@@ -32,7 +32,7 @@ pub enum Need {
     PinTargets,
     /// Bodies at both ends of a step, with trees over the triangles of deforming surfaces.
     Bodies,
-    /// Triangles of all garments and of deforming bodies, with trees over them.
+    /// Triangles of all garments and of bodies, with trees over them.
     ClothSurface,
     /// The list of pairs that are close.
     PairList,

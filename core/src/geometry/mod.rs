@@ -18,6 +18,7 @@ pub mod moving_surface;
 pub(crate) mod path;
 pub mod random;
 pub(crate) mod self_crossing;
+pub(crate) mod shape_mesh;
 pub mod shapes;
 pub mod surface_binding;
 pub(crate) mod tolerances;

@@ -222,7 +222,7 @@ impl PinTargets {
                 Source::Path { place, .. } => *place = places[i].into(),
                 Source::Track { .. } => {}
                 Source::Surface { body, attachment } => {
-                    let of_body = bodies.surface_positions(*body).len();
+                    let of_body = bodies.contact_positions(*body).len();
                     let points = points.get(i).filter(|points| points.iter().all(|p| (*p as usize) < of_body));
                     attachment.body_points = *points.ok_or_else(|| {
                         error(format!("pin target {} is bound to no place of its body", target.number))
@@ -314,7 +314,7 @@ impl PinTargets {
             Source::Path { place, pin } => place + along_path(&self.paths[*pin], time),
             Source::Track { track, row } => tracks[*track].position(*row, time),
             Source::Surface { body, attachment } => {
-                let points = bodies.surface_positions(*body);
+                let points = bodies.contact_positions(*body);
                 attached_position(attachment, attachment.body_points.map(|p| points[p as usize]))
             }
         }

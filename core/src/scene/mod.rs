@@ -36,6 +36,7 @@ use std::sync::Arc;
 
 use crate::Vec3;
 pub use crate::geometry::attachment::SurfaceAttachment;
+use crate::geometry::shape_mesh::ShapeMesh;
 use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
@@ -363,6 +364,8 @@ pub struct Scene {
     pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
     pub(crate) painted: Vec<PaintedMaps>,
+    /// Triangles of each analytic body that edges and faces of cloth meet; empty until they are known.
+    pub(crate) shape_meshes: Arc<Vec<Option<ShapeMesh>>>,
     /// Shared by all forms of the scene: with other numbers, and with parts on other ranks.
     pub(crate) identity: Arc<()>,
 }
@@ -401,6 +404,19 @@ impl Scene {
     /// Whether the other is this scene, perhaps with other numbers or with parts on other ranks.
     pub fn is_form_of(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.identity, &other.identity)
+    }
+
+    /// Triangles of an analytic body that edges and faces of cloth meet, in its own frame.
+    pub(crate) fn shape_mesh(&self, body: usize) -> Option<&ShapeMesh> {
+        self.shape_meshes[body].as_ref()
+    }
+
+    /// Number of the points of a body whose edges and faces touch cloth.
+    pub(crate) fn contact_points(&self, body: usize) -> usize {
+        match &self.description.bodies[body].shape {
+            BodyShape::Surface { point_count, .. } => *point_count,
+            BodyShape::Rigid(_) => self.shape_mesh(body).map_or(0, |mesh| mesh.points.len()),
+        }
     }
 
     /// This rank's piece of each garment, all of it if there is no other rank: the triangles with an own vertex and those that

@@ -4,6 +4,7 @@
 pub(crate) mod distribute;
 mod effect_choice;
 pub(crate) mod mesh_checks;
+mod shape_meshes;
 pub(crate) mod validate;
 
 pub use mesh_checks::degenerate::simulated_triangles;

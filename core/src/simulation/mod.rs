@@ -408,7 +408,7 @@ impl Simulation {
         }
     }
 
-    /// Edges that cross triangles at the frame, by nodes: cloth in solver order, then the points of deforming bodies. Looked
+    /// Edges that cross triangles at the frame, by nodes: cloth in solver order, then the points of bodies. Looked
     /// for in scenes with `self_collision` only.
     pub fn crossings(&self) -> &[Crossing] {
         &self.crossings

@@ -7,7 +7,6 @@ use super::Simulation;
 use crate::contact::self_contact::layers::layer_sides;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::message::codec;
-use crate::scene::BodyShape;
 use crate::tolerances::{COLLAPSED_AT_START, STRETCHED_AT_START};
 
 /// Cloth that crosses itself, other cloth or a body at the start.
@@ -144,23 +143,22 @@ impl Simulation {
         sides.filter(|(_, [right, wrong])| wrong > right).map(of_pair).collect()
     }
 
-    /// The object of a node by its number of the scene, garments first, then deforming bodies; and its number among the nodes of
-    /// that, for garments in the order of the solver.
+    /// The object of a node by its number of the scene, garments first, then bodies; and its number among the nodes of that,
+    /// for garments in the order of the solver.
     fn object_of(&self, number: u32) -> (usize, u32) {
         let garments = self.scene.parts().partition().garments();
         if let Some(garment) = garments.iter().position(|garment| garment.contains(&(number as usize))) {
             return (garment, number - garments[garment].start as u32);
         }
         let mut point = number as usize - self.scene.parts().partition().vertex_count();
-        for (b, body) in self.scene.description().bodies.iter().enumerate() {
-            if let BodyShape::Surface { point_count, .. } = body.shape {
-                if point < point_count {
-                    return (garments.len() + b, point as u32);
-                }
-                point -= point_count;
+        for body in 0..self.scene.description().bodies.len() {
+            let points = self.scene.contact_points(body);
+            if point < points {
+                return (garments.len() + body, point as u32);
             }
+            point -= points;
         }
-        unreachable!("crossings have nodes of cloth and of deforming bodies alone")
+        unreachable!("crossings have nodes of cloth and of bodies alone")
     }
 
     fn object_name(&self, object: usize) -> String {
@@ -207,7 +205,9 @@ mod tests {
     use crate::mesh::PolygonMesh;
     use crate::parallel::local_ranks::LocalRanks;
     use crate::parallel::ranks::Ranks;
-    use crate::scene::{BodyDescription, EffectRequest, GarmentDescription, RigidMotion, Scene, SceneDescription};
+    use crate::scene::{
+        BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene, SceneDescription,
+    };
     use crate::simulation::FrameInput;
 
     /// Cells of the strip along x, so many that it has several parts.

@@ -48,12 +48,11 @@ fn of_objects(
 pub(super) fn find_inside(simulation: &Simulation) -> Vec<Finding> {
     let of_garment = |found: &StartInside| {
         let StartInside { garment, body, vertices, deepest: (depth, vertex) } = found;
-        let [some, are] = if *vertices == 1 { ["vertex", "is"] } else { ["vertices", "are"] };
         Finding {
-            object: format!("garment \"{garment}\""),
+            object: format!("garment \"{garment}\", vertex {vertex}"),
             message: format!(
-                "{vertices} {some} of it {are} inside body \"{body}\" at the start, vertex {vertex} {:.2} mm deep; the body draws \
-                 them out, which the first frames show: move the garment off the body, or start from a draped pose",
+                "{vertices} of its vertices start inside body \"{body}\"; this one is deepest, at {:.2} mm. The body draws them \
+                 out, which the first frames show: move the garment off the body, or start from a draped pose",
                 1e3 * depth
             ),
             line: "start = \"file.abc@frame\" with such a pose".to_owned(),

@@ -43,9 +43,9 @@ fn garments_that_start_crossed_are_told_with_how_often_and_where() {
 fn garments_that_start_partly_inside_a_body_are_told() {
     let at = |height: &str| SHEET.replace("center = [5, 1, 0]", &format!("center = [0, {height}, 0]")) + BALL;
     let inside = [
-        "garment \"sheet\": ",
-        " of it are inside body \"ball\" at the start, vertex ",
-        " mm deep; the body draws them out",
+        "garment \"sheet\", vertex ",
+        " of its vertices start inside body \"ball\"; this one is deepest, at ",
+        " mm. The body draws them out",
     ];
     rule("start_inside", without_file, &[(&at("0.2"), &inside)], &[&at("0.3")]);
 }

@@ -1,4 +1,4 @@
-//! The search for pairs: trees over the triangles of cloth and of deforming bodies.
+//! The search for pairs: trees over the triangles of cloth and of bodies.
 //!
 //! The caller gives every node a box; a pair is met when the boxes of its primitives, which join those of their nodes,
 //! overlap. With boxes around points this finds what is close; with boxes around paths, what may have met.

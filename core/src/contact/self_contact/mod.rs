@@ -1,4 +1,4 @@
-//! Contact of cloth with cloth, and of cloth with the faces of deforming bodies, through one collision step.
+//! Contact of cloth with cloth, and of cloth with the faces of bodies, through one collision step.
 //!
 //! A collision step goes from one collision-free state to the next: A remembers the state and the sides of all pairs that
 //! are close, K time steps follow with repulsions in B.2 and B.8 or in their solves, and C stops what would pass through something on the way.

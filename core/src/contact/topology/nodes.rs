@@ -1,5 +1,5 @@
 //! The nodes that the contacts of a rank know of: cloth [ghosts below | own | ghosts above], then the points of the
-//! deforming bodies, which every rank has. Local numbers ascend as those of the scene do, so whatever is sorted by the
+//! bodies, which every rank has. Local numbers ascend as those of the scene do, so whatever is sorted by the
 //! one is sorted by the other.
 //!
 //! The *canonical rank* of a pair is the owner of its smallest node: there it is found, judged and counted. It is *held* by all ranks
@@ -22,7 +22,7 @@ pub(crate) struct ContactNodes {
     /// First vertex of every logical part in the scene's numbering, and the number of all at the end; empty where each vertex
     /// counts as a part.
     part_starts: Arc<[u32]>,
-    /// Points of the deforming bodies.
+    /// Points of the bodies.
     body_nodes: usize,
 }
 

@@ -1,6 +1,6 @@
-//! The triangles, edges and vertices that can touch: all garments, then all deforming bodies, in one numbering.
+//! The triangles, edges and vertices that can touch: all garments, then all bodies, in one numbering.
 //!
-//! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies (`nodes` says which of
+//! *Nodes* are the cloth's vertices in solver order, followed by the points of the bodies (`nodes` says which of
 //! them a rank knows). Of the cloth a rank has the triangles with a vertex of its own; of the bodies, all.
 
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(crate) struct ContactSurface {
     cloth: Faces,
     bodies: Faces,
     sides: [Sides; 2],
-    /// Deforming bodies and their first points, counted over all of them, in their order.
+    /// Bodies with triangles and their first points, counted over all of them, in their order.
     first_points: Vec<(usize, u32)>,
     /// Repulsion of pairs by each of them in the solves, in the same order; empty if they do not repel.
     body_repulsion: Vec<BodyRepulsion>,
@@ -60,7 +60,7 @@ pub(crate) struct ContactSurface {
     origin: Vec3,
 }
 
-/// Repulsion of edges and faces of cloth by a deforming body in the solves of long steps; the body's own contact
+/// Repulsion of edges and faces of cloth by a body in the solves of long steps; the body's own contact
 /// keeps the vertices away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BodyRepulsion {
@@ -86,7 +86,7 @@ const OF_BODY_THICKNESS: f64 = 2.0 / 3.0;
 /// Friction of what is not painted.
 const PLAIN: [f64; 2] = [1.0, 0.0];
 
-/// The surface of a deforming body.
+/// The triangles of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BodyFaces<'a> {
     /// Its number among the bodies.
@@ -104,7 +104,11 @@ impl ContactSurface {
             &BodyShape::Surface { ref triangles, point_count } => {
                 Some(BodyFaces { body, triangles, points: point_count })
             }
-            _ => None,
+            BodyShape::Rigid(_) => scene.shape_mesh(body).map(|mesh| BodyFaces {
+                body,
+                triangles: &mesh.triangles,
+                points: mesh.points.len(),
+            }),
         };
         let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
         // Without their effect bodies are there only for pins to follow.
@@ -115,7 +119,7 @@ impl ContactSurface {
         Self { nodes: surface.nodes.with_parts(starts), origin: scene.origin(), ..surface }
     }
 
-    /// The same, with deforming bodies that repel edges and faces of cloth, as they do in the solves of long steps.
+    /// The same, with bodies that repel edges and faces of cloth, as they do in the solves of long steps.
     pub(crate) fn with_repelling_bodies(self, scene: &Scene) -> Self {
         let repulsion = |(body, _): &(usize, u32)| {
             let description = &scene.description().bodies[*body];
@@ -383,7 +387,7 @@ impl ContactSurface {
         nodes.resize(self.nodes.own().start, Vec3::zeros());
         nodes.extend_from_slice(&x[self.place.clone()]);
         nodes.resize(self.nodes.cloth(), Vec3::zeros());
-        self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
+        self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.contact_positions(*body)));
         self.nodes.update(nodes);
     }
 
@@ -403,7 +407,7 @@ impl ContactSurface {
             self.nodes.update(all);
         }
         for (body, _) in &self.first_points {
-            let (path, dt) = (bodies.surface_path(*body), bodies.dt());
+            let (path, dt) = (bodies.contact_path(*body), bodies.dt());
             for (start, end) in path[0].iter().zip(path[1]) {
                 nodes.push(start + (end - start) * fraction);
                 velocities.push((end - start) / dt);

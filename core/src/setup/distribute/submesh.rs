@@ -204,6 +204,7 @@ pub(crate) fn assemble(
     let meshes = pieces.into_iter().map(SubMesh::mesh).collect();
     Scene {
         identity: Arc::default(),
+        shape_meshes: Arc::default(),
         description,
         meshes,
         parts,
@@ -268,6 +269,7 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Scene {
     Scene {
         warnings: scene.warnings.clone(),
         identity,
+        shape_meshes: Arc::clone(&scene.shape_meshes),
         ..assemble(ranks, scene.description.clone(), assigned, pieces, held)
     }
 }

@@ -8,6 +8,7 @@ pub(super) mod unused;
 
 use std::collections::BTreeSet;
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::Vec3;
 use crate::effects;
@@ -29,6 +30,7 @@ use crate::scene::{
 use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh;
+use crate::setup::shape_meshes::shape_meshes;
 use contacts::{check_contacts, check_parts};
 use curves::check_curves;
 pub(crate) use curves::check_number;
@@ -55,6 +57,7 @@ impl Scene {
         let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
         let mut scene = handed.finish(ranks).derive();
+        scene.shape_meshes = Arc::new(shape_meshes(&scene));
         agree(ranks, check_isolated(&scene.description, &scene.parts, &scene.sewn, scene.isolated()))?;
         scene.settle_origin();
         Ok(scene)

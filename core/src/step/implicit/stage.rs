@@ -81,7 +81,7 @@ pub(in crate::step) struct StageSolver<'a> {
     pub(in crate::step) active: &'a mut ActiveSet,
     pub(super) forces: &'a mut PartForces,
     pub(super) volumes: &'a mut Volumes,
-    /// Pairs of cloth that repel each other, and edges and faces of cloth that deforming bodies do.
+    /// Pairs of cloth that repel each other, and edges and faces of cloth that bodies do.
     pub(super) repulsion: Option<&'a mut SelfContact>,
     pub(super) bodies: &'a Bodies,
 }

@@ -1,0 +1,188 @@
+//! Cloth against the edges and round sides of analytic shapes, and against bodies thinner than their motion in a step.
+
+use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::metrics::Metrics;
+use drapery_core::scene::{BodyShape, GarmentDescription, Integrator, RigidMotion, SceneDescription};
+use drapery_core::simulation::Simulation;
+use drapery_tests::*;
+use nalgebra::UnitQuaternion;
+
+use crate::{FPS, MeshBody, run_with_mesh, upright_sheet};
+
+/// Cells of the coarse sheet, and their size [m].
+const CELLS: usize = 8;
+const DX: f64 = 0.1;
+
+/// Samples along each side of a triangle.
+const SAMPLES: usize = 12;
+
+const THICKNESS: f64 = 0.002;
+
+/// Smallest signed distance between the faces of the sheet and a shape in its pose [m], by samples of all faces.
+fn closest(simulation: &Simulation, shape: &Shape, motion: &RigidMotion) -> f64 {
+    // Positions in the order of the solver, as the triangles.
+    let (x, time) = (&simulation.state().x, simulation.state().time);
+    let turn = UnitQuaternion::from_scaled_axis(motion.angular_velocity * time) * motion.rotation;
+    let local = |p: Vec3| turn.inverse() * (p - motion.path[0].1);
+    let mut least = f64::INFINITY;
+    for corners in simulation.scene().meshes()[0].triangles() {
+        let [a, b, c] = corners.map(|v| local(x[v as usize]));
+        for i in 0..=SAMPLES {
+            for j in 0..=SAMPLES - i {
+                let [s, t] = [i, j].map(|k| k as f64 / SAMPLES as f64);
+                least = least.min(shape.distance(&(a + (b - a) * s + (c - a) * t)));
+            }
+        }
+    }
+    least
+}
+
+/// A coarse sheet above the origin, with contact.
+fn coarse(integrator: Integrator) -> SceneDescription {
+    let mut garment = GarmentDescription::new("sheet", sheet(CELLS, CELLS, DX), 0.2);
+    let middle = DX * CELLS as f64 / 2.0;
+    garment.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.03 - middle, 0.32, 0.02 - middle));
+    let mut description = scene_of(garment, FPS);
+    description.solver.integrator = integrator;
+    add_cloth(&mut description, 0, 200.0);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_self_contact(&mut description);
+    description
+}
+
+#[test]
+fn no_shape_shows_through_the_faces_of_coarse_cloth() {
+    let shapes = [
+        Shape::Box { half_extents: [0.15, 0.2, 0.15] },
+        Shape::Cylinder { radius: 0.05, half_length: 0.2 },
+        Shape::Sphere { radius: 0.2 },
+        Shape::Capsule { radius: 0.04, half_length: 0.2 },
+    ];
+    for (number, shape) in shapes.into_iter().enumerate() {
+        for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+            let rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.5, 0.0, 0.3) * number as f64);
+            let motion = RigidMotion { rotation, angular_velocity: Vec3::y() * 1.5, ..RigidMotion::at(Vec3::zeros()) };
+            let mut description = coarse(integrator);
+            add_body(&mut description, BodyShape::Rigid(shape), motion.clone(), 0.3);
+            description.bodies[0].thickness = THICKNESS;
+            let mut simulation = start(description);
+            let mut all = Metrics::default();
+            for frame in 1..=16 {
+                let summary = run(&mut simulation, 1);
+                all.add(&summary.metrics);
+                let distance = closest(&simulation, &shape, &motion);
+                assert!(distance > 0.0, "{shape:?}, {integrator:?}, frame {frame}: {} mm", 1e3 * distance);
+            }
+            let x = positions(&simulation);
+            let lowest = x.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+            assert!(lowest < 0.1, "{shape:?}: it hangs over the edges, down to {lowest} m");
+            assert_eq!((all.counted("crossings"), all.counted("pairs_pinched")), (0, 0), "{shape:?}, {integrator:?}");
+        }
+    }
+}
+
+#[test]
+fn fine_cloth_on_a_ball_has_no_pairs_with_it() {
+    // Faces of 2.5 cm cut 0.4 mm into a ball of 30 cm, less than a third of the distance of their corners.
+    let mut garment = GarmentDescription::new("sheet", sheet(20, 20, 0.025), 0.2);
+    garment.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(-0.25, 0.303, -0.25));
+    garment.thickness = 1e-3;
+    let mut description = scene_of(garment, FPS);
+    add_cloth(&mut description, 0, 200.0);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_self_contact(&mut description);
+    let ball = Shape::Sphere { radius: 0.3 };
+    let motion = RigidMotion::at(Vec3::zeros());
+    add_body(&mut description, BodyShape::Rigid(ball), motion.clone(), 0.3);
+    description.bodies[0].thickness = THICKNESS;
+    let mut simulation = start(description);
+    let pairs = run(&mut simulation, 6).metrics.counted("collision_attempts");
+    let distance = closest(&simulation, &ball, &motion);
+    assert!(distance > 0.5 * THICKNESS, "{} mm", 1e3 * distance);
+    assert_eq!(pairs, 0, "nothing meets anything");
+}
+
+#[test]
+fn cloth_does_not_pass_through_bodies_thinner_than_their_motion_in_a_step() {
+    // Plates of 4 mm, a box and an open mesh of two triangles, 25 m/s along their normals: 18 of their thicknesses in a step of
+    // the most steps that are asked for.
+    let speed = 25.0;
+    let (mut farthest, hits) = (Vec::new(), 1.5 / f64::from(FPS));
+    // The middle of the sheet at the time of the blow.
+    let at = |time: f64, y: f64, z: f64| Vec3::new(speed * (time - hits), 0.3 + y, 0.3 + z);
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut description = scene_of(upright_sheet(12, 0.05), FPS);
+        description.solver.integrator = integrator;
+        add_cloth(&mut description, 0, 100.0);
+        add_self_contact(&mut description);
+        let mut with_box = description.clone();
+        let path = vec![(0.0, at(0.0, 0.0, 0.0)), (1.0, at(1.0, 0.0, 0.0))];
+        let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
+        let plate = Shape::Box { half_extents: [0.002, 0.15, 0.15] };
+        add_body(&mut with_box, BodyShape::Rigid(plate), motion, 0.3);
+        with_box.bodies[0].thickness = 0.001;
+        let mut simulation = start(with_box);
+        for _ in 0..4 {
+            let summary = run(&mut simulation, 1);
+            eprintln!(
+                "box {integrator:?} {} {} {:?}",
+                summary.frame,
+                summary.metrics.counted("crossings"),
+                [
+                    "pairs_pinched",
+                    "body_pinched",
+                    "zone_fallbacks",
+                    "retried_held",
+                    "collision_hits",
+                    "rewinds",
+                    "body_contacts",
+                    "body_contacts_along_path"
+                ]
+                .map(|n| summary.metrics.counted(n))
+            );
+        }
+        farthest.push((0.002, positions(&simulation)));
+        let corners = [[-0.15, -0.15], [0.15, -0.15], [0.15, 0.15], [-0.15, 0.15]];
+        let place = |time: f64| corners.map(|[y, z]| at(time, y, z)).to_vec();
+        let body = MeshBody { triangles: vec![[0, 1, 2], [0, 2, 3]], points: &place };
+        let mut last = Vec::new();
+        run_with_mesh(
+            description,
+            &body,
+            |body| body.thickness = 0.001,
+            4,
+            |simulation, summary| {
+                eprintln!(
+                    "{integrator:?} {} {} {:?}",
+                    summary.frame,
+                    summary.metrics.counted("crossings"),
+                    [
+                        "pairs_pinched",
+                        "body_pinched",
+                        "zone_fallbacks",
+                        "retried_held",
+                        "collision_hits",
+                        "rewinds",
+                        "body_contacts",
+                        "body_contacts_along_path"
+                    ]
+                    .map(|n| summary.metrics.counted(n))
+                );
+                last = positions(simulation);
+            },
+        );
+        farthest.push((0.0, last));
+    }
+    let front = speed * (4.0 / f64::from(FPS) - hits);
+    for (half, x) in farthest {
+        // What is before the plate stays before it; the rest of the sheet hangs around its border.
+        let before = |p: &&Vec3| (p.y - 0.3).abs() < 0.12 && (p.z - 0.3).abs() < 0.12;
+        let behind = x.iter().filter(before).filter(|p| p.x < front + half).count();
+        eprintln!(
+            "{half} {behind} of {} least {}",
+            x.iter().filter(before).count(),
+            x.iter().filter(before).map(|p| p.x - front).fold(9.0, f64::min)
+        );
+    }
+}
