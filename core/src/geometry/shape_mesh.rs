@@ -49,16 +49,16 @@ impl Shape {
         let standoff = STANDOFF * thickness;
         // Quads of a ball bend in two directions.
         let ball = |radius: f64, half_length: f64| {
-            let segments = segments(radius, standoff / 2.0);
-            let around = (radius + 2.0 * sagitta(radius, segments as f64)).min(radius + standoff);
-            revolved(&half_circle(around, half_length, segments), segments)
+            let segments = segments((radius / (radius + standoff)).sqrt());
+            let around = radius / (PI / segments as f64).cos().powi(2);
+            revolved(&half_circle(around.min(radius + standoff), half_length, segments), segments)
         };
         match *self {
             Shape::HalfSpace => None,
             Shape::Sphere { radius } => Some(ball(radius, 0.0)),
             Shape::Capsule { radius, half_length } => Some(ball(radius, half_length)),
             Shape::Cylinder { radius, half_length: h } => {
-                let segments = segments(radius, standoff);
+                let segments = segments(radius / (radius + standoff));
                 let around = (radius / (PI / segments as f64).cos()).min(radius + standoff);
                 Some(revolved(&[[0.0, h], [around, h], [around, -h], [0.0, -h]], segments))
             }
@@ -72,12 +72,11 @@ fn sagitta(radius: f64, segments: f64) -> f64 {
     radius * (1.0 - (PI / segments).cos())
 }
 
-/// Number of segments of a circle with arcs of at most this height [m]; four quarters, so that a half circle has a point at each
-/// pole and one between them.
-fn segments(radius: f64, height: f64) -> usize {
+/// Number of segments of a circle of which half a segment has at least this cosine; four quarters, so that a half circle has a point
+/// at each pole and one between them.
+fn segments(cosine: f64) -> usize {
     let [fewest, most] = SEGMENTS;
-    let segments = PI / (1.0 - height / radius).clamp(-1.0, 1.0).acos();
-    (segments.clamp(fewest, most).ceil() as usize).next_multiple_of(4)
+    ((PI / cosine.acos()).clamp(fewest, most).ceil() as usize).next_multiple_of(4)
 }
 
 /// Half a circle from the upper pole to the lower one, of this many segments for the whole circle, its quarters moved apart by twice
