@@ -179,11 +179,11 @@ impl Halo {
 
     /// A round of such updates, which ranks leave one after the other: `others` are the neighbours that are still in the rounds, at
     /// first all, and one that says that it `is_leaving` is taken out. This rank leaves by saying so and calling it no more.
-    pub(crate) fn update_changed_in_rounds<T: Codec>(
+    pub(crate) fn update_changed_in_rounds<T: Codec, I: IntoIterator<Item = T>>(
         &self,
         ranks: &Ranks,
         (others, is_leaving): (&mut Vec<usize>, bool),
-        changed: impl Fn(u32) -> Option<T>,
+        changed: impl Fn(u32) -> I,
         mut take: impl FnMut(usize, T),
     ) {
         let message = |to: &usize| {
@@ -264,10 +264,10 @@ impl Halo {
 /// Name of messages with values that have changed, for the report of a broken one.
 const CHANGED: &str = "values that have changed";
 
-/// Appends the values of the vertices of a list that have changed, with their places in it.
-fn put_changed<T: Codec>(list: &[u32], changed: impl Fn(u32) -> Option<T>, bytes: &mut Vec<u8>) {
+/// Appends the values of the vertices of a list that have changed, any number of each, with their places in it.
+fn put_changed<T: Codec, I: IntoIterator<Item = T>>(list: &[u32], changed: impl Fn(u32) -> I, bytes: &mut Vec<u8>) {
     for (place, vertex) in (0_u32..).zip(list) {
-        changed(*vertex).iter().for_each(|value| {
+        changed(*vertex).into_iter().for_each(|value| {
             place.put(bytes);
             value.put(bytes);
         });

@@ -389,18 +389,16 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
             self.has_changed[*node as usize] = true;
         }
         let (announced, used, has_changed) = (&self.announced, &self.used, &self.has_changed);
-        let own = |node: usize| has_changed[node].then(|| Announcement { first: announced[node], used: used[node] });
-        let of_lists = |node: u32| (node as usize..used.len()).step_by(cloth);
-        let changed =
-            |node: u32| of_lists(node).any(|node| has_changed[node]).then(|| of_lists(node).map(own).collect());
-        let mut copies = Vec::new();
-        let take = |copy: usize, states: Vec<Option<Announcement>>| {
-            copies
-                .extend((copy..used.len()).step_by(cloth).zip(states).filter_map(|(copy, state)| Some((copy, state?))));
+        let changed = |node: u32| {
+            let of_lists = (0_u8..).zip((node as usize..used.len()).step_by(cloth));
+            let changed = of_lists.filter(move |(_, node)| has_changed[*node]);
+            changed.map(move |(list, node)| Announcement { list, first: announced[node], used: used[node] })
         };
+        let mut copies = Vec::new();
+        let take = |copy: usize, state: Announcement| copies.push((copy + usize::from(state.list) * cloth, state));
         nodes.halo().update_changed_in_rounds(nodes.ranks(), (others, wait_lists.is_empty()), changed, take);
         known.iter().for_each(|node| self.has_changed[*node as usize] = false);
-        for (copy, Announcement { first, used }) in copies {
+        for (copy, Announcement { first, used, .. }) in copies {
             (self.announced[copy], self.used[copy]) = (first, used);
             known.push(copy as u32);
         }
@@ -410,13 +408,15 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
 
 /// Message from the owner of a node to the ranks that have a copy of it.
 struct Announcement {
+    /// List of pairs that it is about.
+    list: u8,
     /// The first undecided pair there.
     first: Key,
     /// Colours of the batch that are taken there.
     used: u128,
 }
 
-codec!(struct Announcement { first, used });
+codec!(struct Announcement { list, first, used });
 
 /// The undecided pairs of each node, by their places in the order, ascending.
 struct WaitLists {
