@@ -78,6 +78,9 @@ impl ReductionTree {
 
     /// A sum, and the largest of one more value of every rank, in one exchange.
     pub(crate) fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
+        if ranks.is_alone() {
+            return (tree_sum(blocks), value);
+        }
         let (sum, largest, _) = self.join_with_rows::<f64>(ranks, blocks, value, (&[], &vec![0; ranks.count()]));
         (sum, largest)
     }

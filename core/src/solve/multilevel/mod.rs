@@ -133,6 +133,9 @@ impl Multilevel {
             self.parts.iter().flat_map(PartAggregates::diagonal),
             self.parts.iter().flat_map(PartAggregates::couplings),
         );
+        if ranks.is_alone() {
+            return (of_nodes.collect(), of_couplings.collect(), vec![own_pairs]);
+        }
         let mut own = (own_pairs as u64).to_ne_bytes().to_vec();
         of_nodes.chain(of_couplings).for_each(|block| own.extend_from_slice(bytemuck::bytes_of(&block)));
         let counts = || self.node_counts.iter().copied().zip(self.coupling_counts.iter().copied());
@@ -157,9 +160,16 @@ impl Multilevel {
     /// Solves for what the parts have restricted; returns the product of residual and correction, added to the sum of `blocks`, and
     /// the largest `value` of all ranks. All ranks call it together.
     pub(super) fn solve(&mut self, parts: &Parts, blocks: &[f64], value: f64) -> (f64, f64) {
-        let own: Vec<Simd4> = self.parts.iter().flat_map(|part| part.residual()).copied().collect();
-        let (sum, largest, residuals) = parts.join_with_rows(blocks, value, (&own, &self.node_counts));
-        self.levels[0].b.copy_from_slice(&residuals);
+        let residuals = self.parts.iter().flat_map(|part| part.residual());
+        let (sum, largest) = if parts.ranks().is_alone() {
+            self.levels[0].b.iter_mut().zip(residuals).for_each(|(b, residual)| *b = *residual);
+            parts.join_with_max(blocks, value)
+        } else {
+            let own: Vec<Simd4> = residuals.copied().collect();
+            let (sum, largest, all) = parts.join_with_rows(blocks, value, (&own, &self.node_counts));
+            self.levels[0].b.copy_from_slice(&all);
+            (sum, largest)
+        };
         cycle(&mut self.levels, &mut self.coarsest);
         let Level { b, x, .. } = &self.levels[0];
         let of_coarse: f64 = b.iter().zip(x).map(|(b, x)| b.dot(*x)).sum();
