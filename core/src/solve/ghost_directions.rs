@@ -19,7 +19,7 @@ use crate::parallel::simd4::Simd4;
 use crate::solve::block_jacobi::BlockInverses;
 use crate::solve::constraints::{FREE, projected};
 
-/// What the direction of a vertex follows from, beside the coarse levels, at the start of a solve.
+/// Data that the direction of a vertex follows from, beside the coarse levels, at the start of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct GhostRow {
@@ -45,9 +45,9 @@ pub(super) struct GhostDirections {
     local: Vec<[u32; 2]>,
     /// Places of ghosts in arrays over the nodes of cloth of contact.
     nodes: Vec<[u32; 2]>,
-    /// What own vertices that are sent have for the first message of the solve, ascending.
+    /// Rows of own vertices for the first message of the solve, ascending.
     own_rows: Vec<(u32, GhostRow)>,
-    /// What came with that message.
+    /// Rows of the ghosts, which came with that message.
     rows: Vec<GhostRow>,
     /// Whether that message is yet to be sent.
     is_first: bool,
@@ -133,7 +133,7 @@ impl GhostDirections {
         self.d.iter_mut().zip(&self.s).for_each(|(d, s)| *d += *s * alpha);
     }
 
-    /// What is known of ghosts, by the places of local vertices.
+    /// Rows of the ghosts, by the places of local vertices.
     pub(super) fn local_rows(&self) -> impl Iterator<Item = (usize, &GhostRow)> {
         self.local.iter().map(|[ghost, place]| (*place as usize, &self.rows[*ghost as usize]))
     }
@@ -172,7 +172,7 @@ impl GhostDirections {
     }
 }
 
-/// What is sent of a vertex.
+/// The row of an own vertex that is sent.
 fn row_of(own_rows: &[(u32, GhostRow)], vertex: u32) -> GhostRow {
     own_rows[own_rows.partition_point(|(other, _)| *other < vertex)].1
 }

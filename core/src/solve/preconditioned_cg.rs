@@ -204,7 +204,7 @@ impl PreconditionedCg {
         outcome
     }
 
-    /// Lays out the ghosts, and what others are told of own vertices.
+    /// Lays out the ghosts, and the rows of own vertices that other ranks get.
     fn begin_ghosts(&mut self, parts: &Parts, worked_on: &[bool]) {
         let Self { constraints, inverses, coarse, pairs, ghosts, .. } = self;
         ghosts.begin(parts, pairs.nodes(), |vertex| {
