@@ -61,11 +61,9 @@ def runs(scene, steps, ranks, delay):
 
 
 def counted(scene, steps, ranks):
-    """Collective operations and exchanges with neighbours of a step. With two ranks an exchange is one message of each; the number of
-    exchanges hardly depends on the number of ranks, and it is not counted."""
-    _, together = runs(scene, steps, ranks, DELAYS[0])[1].a_later_step("collectives")
-    _, messages = runs(scene, steps, 2, DELAYS[0])[1].a_later_step("messages")
-    return together, messages / 2
+    """Collective operations and exchanges with neighbours of a step and rank."""
+    _, together, exchanges = runs(scene, steps, ranks, DELAYS[0])[1].a_later_step("collectives", "exchanges")
+    return together, exchanges / ranks
 
 
 def work(scene, steps):

@@ -292,7 +292,6 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
         half_step: 1e-3,
         x: &x,
         fraction: 0.0,
-        reaches_ghosts: &vec![false; parts.count()],
         stop,
         held: &[],
     };

@@ -21,8 +21,6 @@ pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 
-use std::ops::Range;
-
 use nalgebra::Matrix3;
 
 use crate::Vec3;
@@ -245,11 +243,6 @@ impl PartBlocks {
             sums[*vertex as usize] += block;
         }
         sums
-    }
-
-    /// Whether some pair has a vertex outside of the rank's own range.
-    pub(crate) fn reaches_beyond(&self, own: &Range<usize>) -> bool {
-        self.pattern.outside().iter().any(|(_, other)| !own.contains(&(*other as usize)))
     }
 
     fn bytes(&self) -> usize {

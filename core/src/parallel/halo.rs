@@ -16,6 +16,47 @@ pub(crate) struct Halo {
     receives: Vec<(usize, Range<usize>)>,
 }
 
+/// An array over the local vertices, which is exchanged beside others.
+pub(crate) trait GhostedArray {
+    /// Bytes of a value.
+    fn row(&self) -> usize;
+
+    /// Appends the values of these vertices.
+    fn put(&self, list: &[u32], message: &mut Vec<u8>);
+
+    /// Takes the values of these ghosts.
+    fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>);
+}
+
+impl<T: Pod> GhostedArray for &mut [T] {
+    fn row(&self) -> usize {
+        size_of::<T>()
+    }
+
+    fn put(&self, list: &[u32], message: &mut Vec<u8>) {
+        list.iter().for_each(|vertex| message.extend_from_slice(bytemuck::bytes_of(&self[*vertex as usize])));
+    }
+
+    fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>) {
+        let bytes = message.bytes(size_of::<T>() * ghosts.len());
+        bytemuck::cast_slice_mut::<T, u8>(&mut self[ghosts]).copy_from_slice(bytes);
+    }
+}
+
+impl<T: Pod> GhostedArray for Vec<T> {
+    fn row(&self) -> usize {
+        size_of::<T>()
+    }
+
+    fn put(&self, list: &[u32], message: &mut Vec<u8>) {
+        list.iter().for_each(|vertex| message.extend_from_slice(bytemuck::bytes_of(&self[*vertex as usize])));
+    }
+
+    fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>) {
+        self.as_mut_slice().take(ghosts, message);
+    }
+}
+
 /// Values on their way to the ghosts.
 pub(crate) struct InFlight<'a> {
     exchange: Option<Box<dyn Exchange + 'a>>,
@@ -50,6 +91,21 @@ impl Halo {
         Self { sends, receives }
     }
 
+    /// The halo of own vertices that go to each rank, and of the places of the copies of other ranks' vertices; each side in the
+    /// order of the other, rank by rank.
+    pub(crate) fn of_lists(sends: Vec<(usize, Vec<u32>)>, receives: Vec<(usize, Range<usize>)>) -> Self {
+        Self { sends, receives }
+    }
+
+    /// The ranks that this one sends to or gets something from, ascending.
+    pub(crate) fn neighbours(&self) -> Vec<usize> {
+        let mut ranks: Vec<usize> = self.sends.iter().map(|(to, _)| *to).collect();
+        ranks.extend(self.receives.iter().map(|(from, _)| *from));
+        ranks.sort_unstable();
+        ranks.dedup();
+        ranks
+    }
+
     /// Whether nothing is exchanged.
     pub(crate) fn is_empty(&self) -> bool {
         self.sends.is_empty() && self.receives.is_empty()
@@ -67,13 +123,18 @@ impl Halo {
 
     /// Sends own values; the ghosts get theirs when the flight is finished.
     pub(crate) fn start<'a, T: Pod>(&'a self, ranks: &'a Ranks, values: &[T]) -> InFlight<'a> {
+        self.start_rows(ranks, |vertex| values[vertex as usize])
+    }
+
+    /// Sends what `row_of` says of own vertices; the ghosts get it when the flight is finished.
+    pub(crate) fn start_rows<'a, T: Pod>(&'a self, ranks: &'a Ranks, row_of: impl Fn(u32) -> T) -> InFlight<'a> {
         let (receives, rank) = (self.receives.as_slice(), ranks.rank());
         if self.is_empty() {
             return InFlight { exchange: None, receives, rank };
         }
         let pack = |list: &[u32]| {
             let mut bytes = Vec::with_capacity(size_of::<T>() * list.len());
-            list.iter().for_each(|i| bytes.extend_from_slice(bytemuck::bytes_of(&values[*i as usize])));
+            list.iter().for_each(|vertex| bytes.extend_from_slice(bytemuck::bytes_of(&row_of(*vertex))));
             bytes
         };
         let exchange = self.exchange(ranks, pack, |range| Some(size_of::<T>() * range.len()));
@@ -107,22 +168,41 @@ impl Halo {
         }
         let pack = |list: &[u32]| {
             let mut bytes = Vec::new();
-            for (place, vertex) in (0_u32..).zip(list) {
-                changed(*vertex).iter().for_each(|value| {
-                    place.put(&mut bytes);
-                    value.put(&mut bytes);
-                });
-            }
+            put_changed(list, &changed, &mut bytes);
             bytes
         };
         let received = self.exchange(ranks, pack, |_| None).finish();
         for ((_, range), bytes) in self.receives.iter().zip(received) {
-            let mut message = Decoder::new(ranks.rank(), "values that have changed", &bytes);
-            while !message.is_empty() {
-                let place = message.index(range.len());
-                take(range.start + place, T::take(&mut message));
-            }
+            take_changed(Decoder::new(ranks.rank(), CHANGED, &bytes), range, &mut take);
         }
+    }
+
+    /// A round of such updates, which ranks leave one after the other: `others` are the neighbours that are still in the rounds, at
+    /// first all, and one that says that it `is_leaving` is taken out. This rank leaves by saying so and calling it no more.
+    pub(crate) fn update_changed_in_rounds<T: Codec, I: IntoIterator<Item = T>>(
+        &self,
+        ranks: &Ranks,
+        (others, is_leaving): (&mut Vec<usize>, bool),
+        changed: impl Fn(u32) -> I,
+        mut take: impl FnMut(usize, T),
+    ) {
+        let message = |to: &usize| {
+            let mut bytes = is_leaving.to_bytes();
+            let list = self.sends.iter().find(|(rank, _)| rank == to);
+            list.iter().for_each(|(_, list)| put_changed(list, &changed, &mut bytes));
+            Message { to: *to, bytes }
+        };
+        let expected: Vec<Expected> = others.iter().map(|from| Expected { from: *from, length: None }).collect();
+        let received = ranks.start(others.iter().map(message).collect(), &expected).finish();
+        let mut received = received.iter();
+        others.retain(|from| {
+            let bytes = received.next().map_or(&[][..], Vec::as_slice);
+            let mut message = Decoder::new(ranks.rank(), CHANGED, bytes);
+            let leaves = bool::take(&mut message);
+            let range = self.receives.iter().find(|(rank, _)| rank == from).map_or(0..0, |(_, range)| range.clone());
+            take_changed(message, &range, &mut take);
+            !leaves
+        });
     }
 
     /// Sends the ranks with copies of own vertices a list each, in the order of [`Halo::sends`]; returns the lists of the owners
@@ -160,6 +240,46 @@ impl Halo {
     pub(crate) fn update<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
         self.start(ranks, values).finish(values);
     }
+
+    /// The same in several arrays, with one message for each rank.
+    pub(crate) fn update_all(&self, ranks: &Ranks, arrays: &mut [&mut dyn GhostedArray]) {
+        if self.is_empty() {
+            return;
+        }
+        let row: usize = arrays.iter().map(|array| array.row()).sum();
+        let pack = |list: &[u32]| {
+            let mut bytes = Vec::with_capacity(row * list.len());
+            arrays.iter().for_each(|array| array.put(list, &mut bytes));
+            bytes
+        };
+        let received = self.exchange(ranks, pack, |range| Some(row * range.len())).finish();
+        for ((_, range), bytes) in self.receives.iter().zip(received) {
+            let mut message = Decoder::new(ranks.rank(), "values of ghosts", &bytes);
+            arrays.iter_mut().for_each(|array| array.take(range.clone(), &mut message));
+            message.end();
+        }
+    }
+}
+
+/// Name of messages with values that have changed, for the report of a broken one.
+const CHANGED: &str = "values that have changed";
+
+/// Appends the values of the vertices of a list that have changed, any number of each, with their places in it.
+fn put_changed<T: Codec, I: IntoIterator<Item = T>>(list: &[u32], changed: impl Fn(u32) -> I, bytes: &mut Vec<u8>) {
+    for (place, vertex) in (0_u32..).zip(list) {
+        changed(*vertex).into_iter().for_each(|value| {
+            place.put(bytes);
+            value.put(bytes);
+        });
+    }
+}
+
+/// Gives the values in the rest of a message to `take`, with the places of their ghosts, which are these.
+fn take_changed<T: Codec>(mut message: Decoder<'_>, ghosts: &Range<usize>, mut take: impl FnMut(usize, T)) {
+    while !message.is_empty() {
+        let place = message.index(ghosts.len());
+        take(ghosts.start + place, T::take(&mut message));
+    }
 }
 
 impl InFlight<'_> {
@@ -169,5 +289,77 @@ impl InFlight<'_> {
         for ((_, range), bytes) in self.receives.iter().zip(exchange.finish()) {
             message::copy_rows(self.rank, "values of ghosts", &bytes, &mut values[range.clone()]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    /// Twelve vertices, shared alike; ghosts of a rank are all those of its two neighbours in a ring.
+    fn ring(ranks: &Ranks) -> (Halo, Vec<u32>) {
+        let (rank, count) = (ranks.rank() as u32, ranks.count() as u32);
+        let starts: Vec<u32> = (0..=count).map(|rank| rank * 12 / count).collect();
+        let near = |owner: u32| (owner + 1) % count == rank || (rank + 1) % count == owner;
+        let owner = |vertex: u32| starts.partition_point(|start| *start <= vertex) as u32 - 1;
+        let ghosts: Vec<u32> = (0..12).filter(|vertex| owner(*vertex) != rank && near(owner(*vertex))).collect();
+        let halo = Halo::new(ranks, &ghosts, &starts);
+        let mut local = ghosts;
+        local.extend(starts[rank as usize]..starts[rank as usize + 1]);
+        local.sort_unstable();
+        (halo, local)
+    }
+
+    fn on_ranks(count: usize, work: impl Fn(&Ranks) + Sync) {
+        LocalRanks::run(count, 1, |communicator| work(&Ranks::new(communicator))).expect("no rank ends early");
+    }
+
+    #[test]
+    fn several_arrays_come_in_one_message() {
+        on_ranks(4, |ranks| {
+            let (halo, local) = ring(ranks);
+            let is_ghost = |place: usize| halo.receives().iter().any(|(_, range)| range.contains(&place));
+            let known = |place: usize, value: f64| if is_ghost(place) { f64::NAN } else { value };
+            let mut small: Vec<u8> = (0..local.len()).map(|i| known(i, f64::from(local[i])) as u8).collect();
+            let mut large: Vec<[f64; 3]> = (0..local.len()).map(|i| [known(i, 0.5 * f64::from(local[i])); 3]).collect();
+            let (mut slice, before) = (&mut large[..], ranks.sent());
+            halo.update_all(ranks, &mut [&mut small, &mut slice]);
+            assert_eq!(ranks.sent().messages - before.messages, 2);
+            for ((small, large), number) in small.iter().zip(&large).zip(&local) {
+                assert_eq!((u32::from(*small), *large), (*number, [0.5 * f64::from(*number); 3]));
+            }
+        });
+    }
+
+    #[test]
+    fn ranks_leave_rounds_one_after_the_other_and_messages_still_match() {
+        on_ranks(4, |ranks| {
+            let (halo, local) = ring(ranks);
+            let (mut others, mut rounds) = (halo.neighbours(), 0);
+            assert_eq!(others.len(), 2);
+            let mut found = vec![u32::MAX; local.len()];
+            // Rank 2 leaves first, then 3, 0 and 1.
+            let last = (ranks.rank() + 2) % 4;
+            loop {
+                let is_leaving = rounds == last;
+                let changed = |vertex: u32| (rounds == 0).then(|| local[vertex as usize]);
+                halo.update_changed_in_rounds(ranks, (&mut others, is_leaving), changed, |place, number| {
+                    found[place] = number
+                });
+                if is_leaving {
+                    break;
+                }
+                rounds += 1;
+            }
+            let came = (0..local.len()).filter(|place| found[*place] != u32::MAX);
+            assert_eq!(came.clone().count(), local.len() - 3);
+            came.for_each(|place| assert_eq!(found[place], local[place]));
+            // What follows is not mixed up with what a rank that has left was not told.
+            let mut values: Vec<u32> =
+                local.iter().map(|number| number * u32::from(number / 3 == ranks.rank() as u32)).collect();
+            halo.update(ranks, &mut values);
+            assert_eq!(values, local);
+        });
     }
 }

@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use bytemuck::Pod;
+
 use crate::parallel::ghosted_index::LocalVertices;
 use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
@@ -203,6 +205,11 @@ impl Parts {
         self.vertices.own()
     }
 
+    /// Ghosts, in local numbers.
+    pub(crate) fn ghost_places(&self) -> impl Iterator<Item = usize> + use<> {
+        self.vertices.ghost_places()
+    }
+
     /// First block of sums of each own part, counted from the rank's first, and their number at the end.
     pub(crate) fn block_starts(&self) -> &[usize] {
         &self.block_starts
@@ -226,6 +233,16 @@ impl Parts {
     /// Joins one value for each block, and takes the largest of one more value of each rank, in one exchange.
     pub(crate) fn join_with_max(&self, blocks: &[f64], value: f64) -> (f64, f64) {
         self.blocks.join_with_max(self.ranks(), blocks, value)
+    }
+
+    /// The same with rows of every rank, as many as `numbers` says, which come in the order of ranks.
+    pub(crate) fn join_with_rows<T: Pod>(
+        &self,
+        blocks: &[f64],
+        value: f64,
+        (rows, numbers): (&[T], &[usize]),
+    ) -> (f64, f64, Vec<T>) {
+        self.blocks.join_with_rows(self.ranks(), blocks, value, (rows, numbers))
     }
 
     /// Joins one value for each part, of all ranks.

@@ -30,6 +30,7 @@ pub struct Ranks {
 #[derive(Debug, Default)]
 struct Traffic {
     messages: AtomicU64,
+    exchanges: AtomicU64,
     bytes: AtomicU64,
     collectives: AtomicU64,
     /// Nanoseconds spent in waiting for others.
@@ -41,6 +42,8 @@ struct Traffic {
 pub struct Sent {
     /// Messages to single ranks.
     pub messages: u64,
+    /// Exchanges of such messages, in which the rank sends to some ranks and gets something from some at one time.
+    pub exchanges: u64,
     /// Bytes given away, in messages and collective operations.
     pub bytes: u64,
     /// Collective operations, in which all ranks take part.
@@ -109,8 +112,10 @@ impl Ranks {
 
     /// Messages and bytes that this rank has sent so far.
     pub fn sent(&self) -> Sent {
-        let Traffic { messages, bytes, collectives, .. } = &*self.traffic;
-        Sent { messages: messages.load(Relaxed), bytes: bytes.load(Relaxed), collectives: collectives.load(Relaxed) }
+        let Traffic { messages, exchanges, bytes, collectives, .. } = &*self.traffic;
+        let [messages, exchanges, bytes, collectives] =
+            [messages, exchanges, bytes, collectives].map(|count| count.load(Relaxed));
+        Sent { messages, exchanges, bytes, collectives }
     }
 
     /// Seconds that this rank has waited for others so far, the way of the messages included.
@@ -154,7 +159,13 @@ impl Ranks {
 
     /// Whether it holds on some rank.
     pub fn any(&self, holds: bool) -> bool {
-        self.max(f64::from(u8::from(holds))) > 0.0
+        let [any] = self.any_of([holds]);
+        any
+    }
+
+    /// Whether each of these holds on some rank.
+    pub(crate) fn any_of<const N: usize>(&self, hold: [bool; N]) -> [bool; N] {
+        self.max_of(hold.map(|holds| f64::from(u8::from(holds)))).map(|largest| largest > 0.0)
     }
 
     /// Sums of counts over all ranks, value by value.
@@ -282,6 +293,7 @@ impl Ranks {
 
     /// Starts messages to some ranks and from others.
     pub fn start<'a>(&'a self, messages: Vec<Message>, from: &[Expected]) -> Box<dyn Exchange + 'a> {
+        self.traffic.exchanges.fetch_add(u64::from(!messages.is_empty() || !from.is_empty()), Relaxed);
         self.traffic.messages.fetch_add(messages.len() as u64, Relaxed);
         self.traffic.bytes.fetch_add(messages.iter().map(|m| m.bytes.len() as u64).sum(), Relaxed);
         Box::new(Waited { exchange: self.communicator.start(messages, from), traffic: &self.traffic })

@@ -4,7 +4,10 @@
 
 use std::ops::Range;
 
+use bytemuck::Pod;
+
 use crate::Vec3;
+use crate::parallel::message::{Codec, Decoder};
 use crate::parallel::ranks::Ranks;
 
 /// Number of vertices of a block. A constant, never taken from the machine: it fixes the order of every sum.
@@ -78,21 +81,39 @@ impl ReductionTree {
         if ranks.is_alone() {
             return (tree_sum(blocks), value);
         }
+        let (sum, largest, _) = self.join_with_rows::<f64>(ranks, blocks, value, (&[], &vec![0; ranks.count()]));
+        (sum, largest)
+    }
+
+    /// The same, and the rows of every rank in the order of ranks; their numbers say how many each gives.
+    pub(crate) fn join_with_rows<T: Pod>(
+        &self,
+        ranks: &Ranks,
+        blocks: &[f64],
+        value: f64,
+        (rows, numbers): (&[T], &[usize]),
+    ) -> (f64, f64, Vec<T>) {
+        if ranks.is_alone() {
+            return (tree_sum(blocks), value, rows.to_vec());
+        }
         let first = self.starts[ranks.rank()];
         let own = self.own.iter().map(|tree| tree_sum(&blocks[tree.start - first..tree.end - first]));
-        let own: Vec<f64> = own.chain([value]).collect();
-        let counts: Vec<usize> = self.counts.iter().map(|count| count + 1).collect();
-        let all = ranks.all_gather(&own, &counts);
-        let (mut trees, mut largest) = (Vec::with_capacity(all.len()), 0.0_f64);
-        let mut rest = all.as_slice();
-        for count in &self.counts {
-            let (of_rank, others) = rest.split_at(count + 1);
-            trees.extend(of_rank[..*count].iter().map(|sum| [*sum]));
-            largest = largest.max(of_rank[*count]);
-            rest = others;
+        let mut own: Vec<u8> = own.chain([value]).flat_map(f64::to_ne_bytes).collect();
+        own.extend_from_slice(bytemuck::cast_slice(rows));
+        let lengths = self.counts.iter().zip(numbers);
+        let lengths = lengths.map(|(sums, rows)| (sums + 1) * size_of::<f64>() + rows * size_of::<T>());
+        let all = ranks.all_gather(&own, &lengths.collect::<Vec<usize>>());
+        let mut message = Decoder::new(ranks.rank(), "sums and rows of all ranks", &all);
+        let (mut trees, mut largest) = (Vec::with_capacity(self.counts.iter().sum()), 0.0_f64);
+        let mut all_rows = Vec::with_capacity(numbers.iter().sum());
+        for (sums, rows) in self.counts.iter().zip(numbers) {
+            trees.extend(message.values::<f64>(*sums).into_iter().map(|sum| [sum]));
+            largest = largest.max(f64::take(&mut message));
+            all_rows.append(&mut message.values(*rows));
         }
+        message.end();
         let [sum] = self.assemble(0..*self.starts.last().unwrap_or(&0), &mut trees.iter());
-        (sum, largest)
+        (sum, largest, all_rows)
     }
 
     /// Joins subtrees, each the next of `values`, as [`tree_sum`] does.
@@ -163,5 +184,22 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn rows_of_all_ranks_come_in_their_order_beside_a_sum_and_the_largest_value() {
+        let (blocks, starts, numbers) = ([0.1, 0.7, -0.3, 1e-9, 12.0], vec![0, 2, 2, 5], [1, 0, 2]);
+        let found = LocalRanks::run(3, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let rank = ranks.rank();
+            let rows: Vec<[u32; 3]> = (0..numbers[rank]).map(|row| [rank as u32, row as u32, 7]).collect();
+            let (own, value) = (&blocks[starts[rank]..starts[rank + 1]], [3.0, 5.0, 4.0][rank]);
+            let before = ranks.sent().collectives;
+            let joined = ReductionTree::new(starts.clone(), rank).join_with_rows(&ranks, own, value, (&rows, &numbers));
+            assert_eq!(ranks.sent().collectives - before, 1);
+            joined
+        });
+        let expected = (tree_sum(&blocks), 5.0, vec![[0, 0, 7], [2, 0, 7], [2, 1, 7]]);
+        assert_eq!(found, Ok(vec![expected; 3]));
     }
 }

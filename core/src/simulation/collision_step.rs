@@ -176,8 +176,7 @@ impl Simulation {
         state.a.clone_from(&retry.a_start);
         retry.forget_steps();
         let parts = scene.parts();
-        parts.halo().update(parts.ranks(), &mut state.x);
-        parts.halo().update(parts.ranks(), &mut state.v);
+        parts.halo().update_all(parts.ranks(), &mut [&mut state.x, &mut state.v]);
         self.hold_still();
     }
 

@@ -229,6 +229,7 @@ impl Simulation {
         let before = std::mem::replace(&mut self.sent, sent);
         if !self.ranks().is_alone() {
             self.metrics.count("messages", sent.messages - before.messages);
+            self.metrics.count("exchanges", sent.exchanges - before.exchanges);
             self.metrics.count("bytes_sent", sent.bytes - before.bytes);
             self.metrics.count_once(
                 &self.scene.parts().ranks().clone(),

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use crate::Vec3;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::force::Force;
 use crate::effects::registry::{PlannedEffect, build_all};
 use crate::effects::spec::Need;
 use crate::error::{Problems, StepError};
@@ -337,9 +336,6 @@ impl Simulation {
         }
         let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
         let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
-        let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
-        let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
-        let reaches_ghosts = forces.iter().map(reaches).collect();
         let needs_contact = repulsion.is_some() || self_collision.is_some();
         let self_contact = needs_contact.then(|| SelfContact::new(&scene, repulsion, self_collision));
         // The structures are shared: the first of the effects that need them carries their memory.
@@ -362,7 +358,7 @@ impl Simulation {
         Ok(Self {
             frame: scene.description().timeline.start,
             cloth: Cloth { state, scratch },
-            dynamics: Dynamics { forces, reaches_ghosts, filters, volumes, wind },
+            dynamics: Dynamics { forces, filters, volumes, wind },
             prescribed: Prescribed { bodies, tracks, pins, targets, mobility },
             contacts,
             limit,

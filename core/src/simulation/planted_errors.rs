@@ -1,7 +1,7 @@
 //! Whether the order of convergence would tell of an error: planted ones of first order have to break the slope.
 
 use super::*;
-use crate::effects::force::{PartMotion, PartView};
+use crate::effects::force::{Force, PartMotion, PartView};
 use crate::mesh::PolygonMesh;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{EffectRequest, GarmentDescription, SceneDescription};

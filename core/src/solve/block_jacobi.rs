@@ -33,6 +33,11 @@ impl BlockInverses {
         self.0.windows(7).step_by(6)
     }
 
+    /// One of the blocks, with what is read behind it.
+    pub(super) fn block(&self, place: usize) -> [f32; 7] {
+        std::array::from_fn(|lane| self.0[6 * place + lane])
+    }
+
     /// The product with one of the blocks.
     #[inline(always)]
     pub(super) fn times(block: &[f32], r: Simd4) -> Simd4 {

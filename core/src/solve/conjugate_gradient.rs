@@ -3,7 +3,9 @@
 //!
 //! The unknowns are velocities; the residual is measured by its largest nodal length [m/s]. Because the initial guess
 //! satisfies every constraint, the first projected residual is `P h M⁻¹ G v` and the right-hand side itself is not needed.
-//! Each iteration is three passes over the parts, each reading and writing every array once.
+//! Each iteration is three passes over the parts, each reading and writing every array once. With several ranks it is two
+//! latencies: residuals are on their way to the ghosts while all ranks join the sums of these, and the directions of ghosts
+//! follow from them.
 
 use crate::Vec3;
 use crate::parallel::for_each_part::{PerBlock, PerVertex};
@@ -15,36 +17,14 @@ pub trait System: Sync {
     /// Writes `h M⁻¹ G s` of one part into `q`, the part's own slice; `s` are velocities of the local vertices.
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]);
 
-    /// Whether the product of a part needs vertices of other ranks.
-    fn reaches_ghosts(&self, part: usize) -> bool;
-
     /// Removes the constrained directions of one part from `r`, the part's own slice.
     fn project(&self, part: usize, r: &mut [Vec3]);
-}
-
-/// Selection of the parts that are worked on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reach {
-    All,
-    /// Parts that need no vertex of another rank.
-    Inside,
-    /// Parts that need a vertex of another rank.
-    Border,
-}
-
-impl Reach {
-    pub(super) fn includes(self, reaches_ghosts: bool) -> bool {
-        match self {
-            Self::All => true,
-            Self::Inside => !reaches_ghosts,
-            Self::Border => reaches_ghosts,
-        }
-    }
 }
 
 /// Scratch of the solver; made once.
 #[derive(Debug)]
 pub struct ConjugateGradient {
+    /// Residual and search direction of the local vertices.
     r: Vec<Vec3>,
     s: Vec<Vec3>,
     q: Vec<Vec3>,
@@ -87,20 +67,19 @@ pub(super) const BREAKDOWN: f64 = 10.0;
 impl ConjugateGradient {
     /// Scratch for the vertices of a rank.
     pub fn new(parts: &Parts) -> Self {
-        let own = vec![Vec3::zeros(); parts.own().len()];
+        let [own, local] = [parts.own().len(), parts.local_count()].map(|count| vec![Vec3::zeros(); count]);
         let blocks = vec![0.0; parts.block_count()];
-        let s = vec![Vec3::zeros(); parts.local_count()];
-        Self { r: own.clone(), s, q: own, dots: blocks.clone(), residuals: blocks }
+        Self { r: local.clone(), s: local, q: own, dots: blocks.clone(), residuals: blocks }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        (2 * self.r.len() + self.s.len()) * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
+        (2 * self.s.len() + self.q.len()) * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
     }
 
     /// Own vertices at which the last solve has left more than its tolerance, by their numbers in the scene.
     pub(crate) fn unsolved(&self, parts: &Parts, stop: Stop) -> Vec<u32> {
-        let left = parts.own().zip(&self.r).filter(|(_, r)| r.norm() > stop.tolerance);
+        let left = parts.own().zip(&self.r[parts.own()]).filter(|(_, r)| r.norm() > stop.tolerance);
         left.map(|(vertex, _)| parts.number(vertex)).collect()
     }
 
@@ -137,7 +116,7 @@ impl ConjugateGradient {
 
     /// `r = P h M⁻¹ G v`, which is also the first direction `s`; returns `<r, r>` and the largest nodal residual.
     fn first_residual(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &[Vec3]) -> (f64, f64) {
-        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.s[parts.own()]));
+        let vectors = (PerVertex(&mut self.r[parts.own()]), PerVertex(&mut self.s[parts.own()]));
         let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
         parts.for_each((vectors, blocks), &|part, ((r, s), (dots, residuals))| {
             system.damping(part, v, r.0);
@@ -145,43 +124,35 @@ impl ConjugateGradient {
             s.0.copy_from_slice(r.0);
             measure(&masses[parts.ranges()[part].clone()], r.0, dots.0, residuals.0);
         });
-        self.norms(parts)
+        let norms = self.norms(parts);
+        parts.ghost_places().for_each(|ghost| self.s[ghost] = self.r[ghost]);
+        norms
     }
 
     /// `s = r + β s`.
     fn direction(&mut self, parts: &Parts, beta: f64) {
-        parts.for_each((PerVertex(&mut self.s[parts.own()]), PerVertex(&mut self.r)), &|_, (s, r)| {
+        let own = parts.own();
+        parts.for_each((PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.r[own])), &|_, (s, r)| {
             for (s, r) in s.0.iter_mut().zip(&*r.0) {
                 *s = r + *s * beta;
             }
         });
+        // The same operations as their owners do.
+        parts.ghost_places().for_each(|ghost| self.s[ghost] = self.r[ghost] + self.s[ghost] * beta);
     }
 
-    /// `<r, r>` and the largest nodal residual, of all ranks.
-    fn norms(&self, parts: &Parts) -> (f64, f64) {
+    /// `<r, r>` and the largest nodal residual, of all ranks; the ghosts get their residuals.
+    fn norms(&mut self, parts: &Parts) -> (f64, f64) {
+        let flight = parts.halo().start(parts.ranks(), &self.r);
         let (sum, largest) = parts.join_with_max(&self.dots, largest(&self.residuals));
+        flight.finish(&mut self.r);
         (sum, largest.sqrt())
     }
 
     /// `q = P A s`; returns `<s, q>`.
     pub fn product(&mut self, parts: &Parts, masses: &[f64], system: &impl System) -> f64 {
-        // Parts without neighbours on other ranks are worked on while the others' directions are on their way.
-        let flight = parts.halo().start(parts.ranks(), &self.s);
-        if !parts.halo().is_empty() {
-            self.product_of(parts, masses, system, Reach::Inside);
-        }
-        flight.finish(&mut self.s);
-        self.product_of(parts, masses, system, if parts.halo().is_empty() { Reach::All } else { Reach::Border });
-        parts.tree_sum(&self.dots)
-    }
-
-    /// The product of some of the parts.
-    fn product_of(&mut self, parts: &Parts, masses: &[f64], system: &impl System, reach: Reach) {
         let s = &self.s;
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
-            if !reach.includes(system.reaches_ghosts(part)) {
-                return;
-            }
             let range = parts.ranges()[part].clone();
             system.damping(part, s, q.0);
             for (q, s) in q.0.iter_mut().zip(&s[range.clone()]) {
@@ -194,6 +165,7 @@ impl ConjugateGradient {
                 *dot = weighted_dot(m, s, q);
             }
         });
+        parts.tree_sum(&self.dots)
     }
 
     /// `v += α s`, `r -= α q`; returns `<r, r>` and the largest nodal residual.
@@ -201,7 +173,7 @@ impl ConjugateGradient {
         let s = &self.s;
         let own = parts.own();
         let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
-        let vectors = (PerVertex(&mut v[own.clone()]), PerVertex(&mut self.r), PerVertex(&mut self.q));
+        let vectors = (PerVertex(&mut v[own.clone()]), PerVertex(&mut self.r[own]), PerVertex(&mut self.q));
         parts.for_each((vectors, blocks), &|part, ((v, r, q), (dots, residuals))| {
             let range = parts.ranges()[part].clone();
             let steps = v.0.iter_mut().zip(r.0.iter_mut()).zip(s[range.clone()].iter().zip(&*q.0));
@@ -212,9 +184,7 @@ impl ConjugateGradient {
             measure(&masses[range], r.0, dots.0, residuals.0);
         });
         // Ghosts go the same way as with their owners: their directions are here.
-        for ghost in (0..own.start).chain(own.end..s.len()) {
-            v[ghost] += s[ghost] * alpha;
-        }
+        parts.ghost_places().for_each(|ghost| v[ghost] += s[ghost] * alpha);
         self.norms(parts)
     }
 }

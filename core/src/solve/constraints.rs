@@ -7,6 +7,7 @@ use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use crate::solve::block_system::{BlockSystem, Projection};
+use crate::solve::ghost_directions::GhostRow;
 
 /// The projections of the vertices that are constrained.
 #[derive(Debug)]
@@ -47,6 +48,13 @@ impl LocalProjections {
     }
 }
 
+/// The projection of a vector, by those of the unit vectors.
+#[inline(always)]
+pub(super) fn projected(columns: &[Vec3; 3], r: Simd4) -> Simd4 {
+    let r = Vec3::from(r);
+    Simd4::from(&(columns[0] * r.x + columns[1] * r.y + columns[2] * r.z))
+}
+
 impl Constraints {
     /// None of so many parts.
     pub(super) fn none(parts: &Parts) -> Self {
@@ -81,33 +89,29 @@ impl Constraints {
         });
     }
 
-    /// The projections of all local vertices, ghosts included. All ranks call it together.
-    pub(super) fn of_local_vertices(&self, parts: &Parts) -> LocalProjections {
+    /// The projections of all local vertices; `ghosts` knows those of other ranks.
+    pub(super) fn of_local_vertices<'a>(
+        &self,
+        parts: &Parts,
+        ghosts: impl Iterator<Item = (usize, &'a GhostRow)>,
+    ) -> LocalProjections {
         let mut all = LocalProjections { places: vec![0; parts.local_count()], blocks: Vec::new() };
         for (range, list) in parts.ranges().iter().zip(&self.parts) {
             list.iter().for_each(|constrained| all.insert(range.start + constrained.vertex, &constrained.columns));
         }
-        if !parts.halo().is_empty() {
-            let mut columns = vec![FREE; parts.local_count()];
-            for (range, list) in parts.ranges().iter().zip(&self.parts) {
-                list.iter().for_each(|constrained| columns[range.start + constrained.vertex] = constrained.columns);
-            }
-            parts.halo().update(parts.ranks(), &mut columns);
-            let own = parts.own();
-            for ghost in (0..own.start).chain(own.end..columns.len()).filter(|ghost| columns[*ghost] != FREE) {
-                all.insert(ghost, &columns[ghost]);
-            }
-        }
+        ghosts.filter(|(_, row)| row.columns != FREE).for_each(|(ghost, row)| all.insert(ghost, &row.columns));
         all
     }
 
     /// Removes the constrained directions of one part.
     pub(super) fn project(&self, part: usize, r: &mut [Simd4]) {
-        for Constrained { vertex, columns } in &self.parts[part] {
-            let r = &mut r[*vertex];
-            let v = Vec3::from(*r);
-            *r = Simd4::from(&(columns[0] * v.x + columns[1] * v.y + columns[2] * v.z));
-        }
+        self.parts[part].iter().for_each(|Constrained { vertex, columns }| r[*vertex] = projected(columns, r[*vertex]));
+    }
+
+    /// Projections of the unit vectors at a vertex of a part, counted from the part's first.
+    pub(super) fn columns(&self, part: usize, vertex: usize) -> [Vec3; 3] {
+        let list = &self.parts[part];
+        list.binary_search_by_key(&vertex, |constrained| constrained.vertex).map_or(FREE, |place| list[place].columns)
     }
 
     /// Memory held [bytes].

@@ -33,8 +33,6 @@ pub struct VelocityProblem<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step that these positions belong to.
     pub fraction: f64,
-    /// Flag for each own part: whether it needs vertices of other ranks.
-    pub reaches_ghosts: &'a [bool],
     /// When to stop iterating.
     pub stop: Stop,
     /// Own vertices that stay where they are in this step, ascending.
@@ -55,10 +53,6 @@ impl<'a> DampingSystem<'a> {
 }
 
 impl System for DampingSystem<'_> {
-    fn reaches_ghosts(&self, part: usize) -> bool {
-        self.problem.reaches_ghosts[part]
-    }
-
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
         let range = self.problem.parts.ranges()[part].clone();
         let mut f = [Simd4::ZERO; PART_SIZE];

@@ -5,6 +5,7 @@ mod block_system;
 pub mod conjugate_gradient;
 mod constraints;
 pub mod force_evaluation;
+mod ghost_directions;
 pub mod implicit_velocity;
 mod multilevel;
 pub(crate) mod pair_terms;

@@ -14,6 +14,7 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::parts::Parts;
 use crate::parallel::simd4::Simd4;
 use crate::solve::constraints::{FREE, LocalProjections};
+use crate::solve::ghost_directions::GhostRow;
 
 /// Pairs that one task works on.
 const TASK: usize = 512;
@@ -74,8 +75,8 @@ impl PairTerm {
 }
 
 impl PairTerms {
-    /// Takes over the pairs of a stage: `force_factor` is what forces weigh in it, `alpha` what changes of velocity move the
-    /// nodes by [s]. All ranks call it together.
+    /// Takes over the pairs of a stage, of which some rank has one: `force_factor` is what forces weigh in it, `alpha` what changes of
+    /// velocity move the nodes by [s].
     pub(crate) fn set(
         &mut self,
         parts: &Parts,
@@ -84,9 +85,6 @@ impl PairTerms {
         [force_factor, alpha]: [f64; 2],
     ) {
         self.clear();
-        if !parts.ranks().any(!pairs.is_empty()) {
-            return;
-        }
         let own = nodes.own();
         let mut of_vertices: Vec<(usize, Incidence)> = Vec::new();
         for (term, pair) in (0..).zip(pairs) {
@@ -135,16 +133,20 @@ impl PairTerms {
         self.nodes.is_none()
     }
 
-    /// T of the relative velocities that the local vertices have with `s`. All ranks call it together.
-    pub(super) fn multiply(&mut self, parts: &Parts, s: &[Simd4]) {
+    /// The numbering of the nodes of pairs; `None` where no rank has any.
+    pub(super) fn nodes(&self) -> Option<&ContactNodes> {
+        self.nodes.as_ref()
+    }
+
+    /// T of the relative velocities with `own` at the own vertices, and with these at ghosts, by their nodes.
+    pub(super) fn multiply(&mut self, own: &[Simd4], ghosts: impl Iterator<Item = (usize, Simd4)>) {
         let Self { terms, products, nodes: Some(nodes), values, .. } = self else { return };
-        let own = &s[parts.own()];
         let values = if nodes.ranks().is_alone() {
             own
         } else {
             values.resize(nodes.cloth(), Simd4::ZERO);
             values[nodes.own()].copy_from_slice(own);
-            nodes.update(values);
+            ghosts.for_each(|(node, velocity)| values[node] = velocity);
             values
         };
         let chunks = products.par_chunks_mut(TASK).zip(terms.par_chunks(TASK));
@@ -160,6 +162,11 @@ impl PairTerms {
                 *product = term.normal * along + relative * term.across;
             }
         });
+    }
+
+    /// Velocities of the nodes of cloth in the last product [m/s], where pairs have ghosts.
+    pub(crate) fn velocities(&self) -> &[Simd4] {
+        &self.values
     }
 
     /// Returns T of the relative velocity of each pair in the last product [N s].
@@ -182,12 +189,13 @@ impl PairTerms {
         }
     }
 
-    /// Aggregates and projections of the nodes of cloth. All ranks call it together.
-    pub(super) fn nodes_around(
+    /// Aggregates and projections of the nodes of cloth; `ghosts` knows those of other ranks.
+    pub(super) fn nodes_around<'a>(
         &self,
         parts: &Parts,
         aggregates: &[u32],
         projections: &LocalProjections,
+        ghosts: impl Iterator<Item = (usize, &'a GhostRow)>,
     ) -> NodesAround {
         let Some(nodes) = &self.nodes else { return NodesAround::default() };
         let own = parts.own();
@@ -198,8 +206,9 @@ impl PairTerms {
                 *to = [0, 1, 2].map(|column| projection.column(column).into());
             }
         }
-        nodes.update(&mut around.aggregates);
-        nodes.update(&mut around.projections);
+        for (ghost, row) in ghosts {
+            (around.aggregates[ghost], around.projections[ghost]) = (row.node, row.columns);
+        }
         around
     }
 

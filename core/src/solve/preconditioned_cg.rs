@@ -4,7 +4,8 @@
 //! The unknowns are changes of velocity [m/s], the right-hand side is an impulse [N s], A has the unit of a mass [kg]. The
 //! residual is measured by the largest nodal |r|/m [m/s]. An iteration is three passes over the parts: the direction, its
 //! product, and the step with what the preconditioner needs of the new residual; the preconditioned residual itself is never
-//! stored.
+//! stored. With several ranks it is two latencies: one for the sum of a product; one for the sums of a step, for the residuals of the
+//! coarse levels, and for the ghosts, of which the directions follow from residuals ([`GhostDirections`]).
 
 use std::ops::Range;
 
@@ -17,8 +18,9 @@ use crate::parallel::reduce::{SUM_BLOCK, largest};
 use crate::parallel::simd4::Simd4;
 use crate::solve::block_jacobi::BlockInverses;
 pub use crate::solve::block_system::{BlockSystem, Projection};
-use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Reach, Stop};
+use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Stop};
 use crate::solve::constraints::Constraints;
+use crate::solve::ghost_directions::{AT_REST, GhostDirections, GhostRow};
 use crate::solve::multilevel::Multilevel;
 use crate::solve::pair_terms::PairTerms;
 
@@ -57,8 +59,7 @@ pub struct PreconditionedCg {
     constraints: Constraints,
     /// Terms that pairs in touch add to A.
     pairs: PairTerms,
-    /// Flag for each own part: whether it needs vertices of other ranks.
-    reaches_ghosts: Vec<bool>,
+    ghosts: GhostDirections,
     r: Vec<Simd4>,
     q: Vec<Simd4>,
     /// Search direction of the local vertices.
@@ -81,7 +82,7 @@ impl PreconditionedCg {
             coarse: Multilevel::new(parts, matrix),
             constraints: Constraints::none(parts),
             pairs: PairTerms::default(),
-            reaches_ghosts: matrix.parts().iter().map(|rows| rows.reaches_beyond(&parts.own())).collect(),
+            ghosts: GhostDirections::default(),
             r: own.clone(),
             q: own,
             s: local.clone(),
@@ -100,9 +101,15 @@ impl PreconditionedCg {
             + self.coarse.bytes()
             + self.constraints.bytes()
             + self.pairs.bytes()
+            + self.ghosts.bytes()
     }
 
-    /// The pairs in touch, which are part of A; after a solve they have their products with the solution.
+    /// The pairs in touch, which are part of A.
+    pub(crate) fn pairs(&self) -> &PairTerms {
+        &self.pairs
+    }
+
+    /// The same, to be changed; after a solve they have their products with the solution.
     pub(crate) fn pairs_mut(&mut self) -> &mut PairTerms {
         &mut self.pairs
     }
@@ -111,7 +118,10 @@ impl PreconditionedCg {
     /// iterations and come to the same result. All ranks call it together.
     pub fn prepare(&mut self, system: &BlockSystem<'_, impl Projection>) {
         self.prepare_finest(system);
-        self.coarse.prepare(system.parts, system.matrix, &self.pairs, &self.constraints);
+        let parts = system.parts;
+        self.begin_ghosts(parts, &vec![true; parts.count()]);
+        self.ghosts.send_rows(parts.ranks());
+        self.coarse.prepare(parts, system.matrix, &self.pairs, &self.constraints, &self.ghosts);
     }
 
     /// The same on the finest level alone, in the parts that are solved.
@@ -187,10 +197,27 @@ impl PreconditionedCg {
         let masses = &system.masses[system.parts.own()];
         let inverse = |mass: &f64| if *mass > 0.0 { mass.recip() } else { 0.0 };
         self.inverse_masses.iter_mut().zip(masses).for_each(|(to, mass)| *to = inverse(mass));
+        self.begin_ghosts(parts, system.worked_on);
         let outcome = self.iterate(system, stop, forcing);
-        self.pairs.multiply(system.parts, &self.d);
+        self.pairs.multiply(&self.d[parts.own()], self.ghosts.node_solutions());
         d.iter_mut().zip(&self.d).for_each(|(d, found)| *d = Vec3::from(*found));
         outcome
+    }
+
+    /// Lays out the ghosts, and the rows of own vertices that other ranks get.
+    fn begin_ghosts(&mut self, parts: &Parts, worked_on: &[bool]) {
+        let Self { constraints, inverses, coarse, pairs, ghosts, .. } = self;
+        ghosts.begin(parts, pairs.nodes(), |vertex| {
+            let part = parts.part_of(vertex);
+            let place = vertex - parts.ranges()[part].start;
+            let node = if worked_on[part] { coarse.node(vertex) } else { AT_REST };
+            GhostRow {
+                columns: constraints.columns(part, place),
+                inverse: inverses[part].block(place),
+                node,
+                r: [0.0; 4],
+            }
+        });
     }
 
     /// The iterations, from d = 0, r = b and no direction.
@@ -213,6 +240,8 @@ impl PreconditionedCg {
             let converged = is_small && (iterations >= 1 || residual < f64::EPSILON);
             if converged || rho <= 0.0 || !finite || iterations == stop.max_iterations {
                 self.d.iter_mut().zip(&self.s).for_each(|(d, s)| *d += *s * alpha);
+                self.ghosts.finish(alpha);
+                self.ghosts.local_solutions().for_each(|(ghost, d)| self.d[ghost] = d);
                 let converged = finite && (converged || residual == 0.0);
                 let worse = !converged && (residual > BREAKDOWN * first || rho < 0.0);
                 return Outcome { solves: 1, iterations, converged, finite, worse };
@@ -263,19 +292,18 @@ impl PreconditionedCg {
             }
             coarse.0[0].restrict(r.0);
         });
-        let of_coarse = self.coarse.solve(parts);
-        let (sum, largest) = parts.join_with_max(&self.dots, largest(&self.residuals));
-        (sum + of_coarse, largest.sqrt())
+        let Self { coarse, ghosts, r, dots, residuals, .. } = self;
+        let join = || coarse.solve(parts, dots, largest(residuals));
+        let (sum, largest) = ghosts.send_residuals(parts.ranks(), r, join);
+        (sum, largest.sqrt())
     }
 
     /// `d += α s` with the direction so far, and the new one, `s = P (W r + β s)`.
     fn direction(&mut self, system: &BlockSystem<'_, impl Projection>, alpha: f64, beta: f64) {
         let (parts, constraints, inverses, coarse) = (system.parts, &self.constraints, &self.inverses, &self.coarse);
         let own = parts.own();
-        // Ghosts go the same way as with their owners: their directions are here.
-        for ghost in (0..own.start).chain(own.end..self.s.len()) {
-            self.d[ghost] += self.s[ghost] * alpha;
-        }
+        self.ghosts.advance(alpha, beta, |node| coarse.correction(node));
+        self.ghosts.local_directions().for_each(|(ghost, s)| self.s[ghost] = s);
         let vectors = (PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.d[own]), PerVertex(&mut self.r));
         parts.for_each(vectors, &|part, (s, d, r)| {
             if !system.worked_on[part] {
@@ -292,24 +320,11 @@ impl PreconditionedCg {
 
     /// `q = P A s`; returns `s·q`.
     fn product(&mut self, system: &BlockSystem<'_, impl Projection>) -> f64 {
-        let parts = system.parts;
-        self.pairs.multiply(parts, &self.s);
-        // Parts without neighbours on other ranks are worked on while the others' directions are on their way.
-        let flight = parts.halo().start(parts.ranks(), &self.s);
-        if !parts.halo().is_empty() {
-            self.product_of(system, Reach::Inside);
-        }
-        flight.finish(&mut self.s);
-        self.product_of(system, if parts.halo().is_empty() { Reach::All } else { Reach::Border });
-        parts.tree_sum(&self.dots)
-    }
-
-    /// The product of some of the parts.
-    fn product_of(&mut self, system: &BlockSystem<'_, impl Projection>, reach: Reach) {
         let (parts, s) = (system.parts, &self.s);
-        let (constraints, pairs, reaches_ghosts) = (&self.constraints, &self.pairs, &self.reaches_ghosts);
+        self.pairs.multiply(&s[parts.own()], self.ghosts.node_directions());
+        let (constraints, pairs) = (&self.constraints, &self.pairs);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
-            if !system.worked_on[part] || !reach.includes(reaches_ghosts[part]) {
+            if !system.worked_on[part] {
                 return;
             }
             system.matrix.parts()[part].multiply_padded(s, q.0);
@@ -322,6 +337,7 @@ impl PreconditionedCg {
                 *dot = sum.sum();
             }
         });
+        parts.tree_sum(&self.dots)
     }
 }
 

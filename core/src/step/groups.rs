@@ -49,8 +49,6 @@ impl Cloth {
 pub(crate) struct Dynamics {
     /// Forces of every part.
     pub forces: PartForces,
-    /// Marks of the own parts that need vertices of other ranks.
-    pub reaches_ghosts: Vec<bool>,
     /// Filters that change velocities between the solves.
     pub filters: Vec<Box<dyn VelocityFilter>>,
     /// Volumes that forces look at.
@@ -119,8 +117,8 @@ impl Contacts {
         let CollisionEnd { x, v, duration, may_rewind, checks_all } = end;
         let options = [may_rewind, checks_all];
         let ending = contact.end_collision_step((x, v), prescribed, duration, options, metrics, bodies.as_mut());
-        parts.halo().update(parts.ranks(), x);
-        parts.halo().update(parts.ranks(), v);
+        let (mut x, mut v) = (x, v);
+        parts.halo().update_all(parts.ranks(), &mut [&mut x, &mut v]);
         ending
     }
 }

@@ -31,7 +31,6 @@ struct Evaluation<'a> {
     prescribed: &'a Prescribed,
     volumes: &'a Volumes,
     wind: &'a WindGrid,
-    reaches_ghosts: &'a [bool],
     contacts: Option<&'a BodyCollision>,
 }
 
@@ -40,7 +39,7 @@ impl<'a> Solves<'a> {
     where
         'a: 'b,
     {
-        let Evaluation { fraction, x, v, prescribed, volumes, wind, reaches_ghosts, contacts } = at;
+        let Evaluation { fraction, x, v, prescribed, volumes, wind, contacts } = at;
         let StepSettings { dt, stop, held, .. } = self.settings;
         VelocityProblem {
             parts: self.parts,
@@ -51,7 +50,6 @@ impl<'a> Solves<'a> {
             half_step: 0.5 * dt,
             x,
             fraction,
-            reaches_ghosts,
             stop,
             held: held.unwrap_or_default(),
         }
@@ -83,11 +81,11 @@ impl<'a> Step<'a> {
         let solves = self.solves();
         let Self { parts, cloth, dynamics, prescribed, metrics, report, .. } = self;
         let (state, Scratch { v_half, explicit, cg, .. }) = (&cloth.state, &mut cloth.scratch);
-        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
+        let Dynamics { forces, volumes, wind, .. } = &mut **dynamics;
         metrics.stage("B.1 velocity", |m| {
             volumes.update(parts, &state.x);
             let (x, v) = (&state.x[..], &state.v[..]);
-            let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, reaches_ghosts, contacts: None };
+            let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, contacts: None };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             report.add(outcome, "B.1", (parts, m), || cg.unsolved(parts, solves.settings.stop));
@@ -99,7 +97,7 @@ impl<'a> Step<'a> {
         let solves = self.solves();
         let Self { parts, cloth, dynamics, prescribed, contacts, metrics, report, .. } = self;
         let (state, scratch) = (&mut cloth.state, &mut cloth.scratch);
-        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
+        let Dynamics { forces, volumes, wind, .. } = &mut **dynamics;
         metrics.stage("B.5 velocity", |m| {
             scratch.set_middle(state);
             volumes.update(parts, &scratch.x_middle);
@@ -107,7 +105,7 @@ impl<'a> Step<'a> {
             let Scratch { v_half, v_star, x_middle, explicit, v_seen, cg, .. } = scratch;
             let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
             let (contacts, x) = (contacts.bodies.as_ref(), &x_middle[..]);
-            let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, reaches_ghosts, contacts };
+            let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, contacts };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             report.add(outcome, "B.5", (parts, m), || cg.unsolved(parts, solves.settings.stop));

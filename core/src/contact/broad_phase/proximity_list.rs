@@ -166,10 +166,7 @@ impl ProximityList {
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         if self.order == PairOrder::Coloured {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
-            // One after the other, since ranks colour together.
-            for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
-                *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
-            }
+            self.orders = Order::of(self.lists.each_mut(), surface.nodes(), |n| n.pair.nodes);
         }
         self.edge_length.clear();
         self.edge_length.extend_from_slice(surface.edge_length());

@@ -103,12 +103,8 @@ impl PairSearch {
     }
 
     /// Brings the ghosts' boxes and marks to those of their owners.
-    fn exchange(&mut self, nodes: &ContactNodes, marks: &mut [u8]) {
-        if nodes.ranks().is_alone() {
-            return;
-        }
-        nodes.update(&mut self.node_boxes);
-        nodes.update(marks);
+    fn exchange(&mut self, nodes: &ContactNodes, mut marks: &mut [u8]) {
+        nodes.update_all(&mut [&mut self.node_boxes, &mut marks]);
     }
 
     /// Adds what `keep` makes of every pair of this rank whose boxes overlap and of which one triangle has a marked node.

@@ -217,12 +217,9 @@ impl CollisionLoop {
         if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
             let nodes = collisions.surface.nodes();
             renumber.apply(&mut self.displacements, Vec3::zeros());
-            nodes.update(&mut self.displacements);
             self.left.resize(nodes.count(), 0);
-            for marks in [&mut self.recent, &mut self.moved] {
-                renumber.apply(marks, 0);
-                nodes.update(marks);
-            }
+            [&mut self.recent, &mut self.moved].into_iter().for_each(|marks| renumber.apply(marks, 0));
+            nodes.update_all(&mut [&mut self.displacements, &mut self.recent, &mut self.moved]);
         }
     }
 

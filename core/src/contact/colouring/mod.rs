@@ -9,7 +9,8 @@
 //! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
 //! that somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P.
 //! Plassmann, "A parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the
-//! first at all its nodes is decided by all ranks that own one of its nodes in the same round, with the same result.
+//! first at all its nodes is decided by all ranks that own one of its nodes in the same round, with the same result. A rank
+//! that has decided all its pairs says so with its last message, and leaves the rounds to the others.
 
 pub(crate) mod order;
 #[cfg(test)]
@@ -43,56 +44,92 @@ type Key = [u32; 4];
 
 const NOBODY: Key = [u32::MAX; 4];
 
-/// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks.
-/// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
-/// together.
-pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
-    let (order, between) = order(count, nodes, &nodes_of);
-    let (mut colours, mut used_colours) = (vec![NO_COLOUR; count], UsedColours::new(nodes.cloth()));
-    let alone = nodes.ranks().is_alone();
-    let decided = if alone { 0 } else { between };
-    if !alone {
-        colour_together(nodes, &nodes_of, &order[..decided], &mut colours, &mut used_colours);
-    }
-    // What is within a part is of one rank, and all before it is decided.
-    for &pair in &order[decided..] {
+/// The colour of each pair of several lists, of which these are the numbers of pairs, and each list's number of colours, the same on all
+/// ranks; `nodes_of` has the nodes of a pair of a list, by which pairs are ascending. Lists know nothing of each other; they are coloured
+/// at the same time because ranks then wait for one another once. Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in
+/// the order of colours. All ranks call it together.
+pub(crate) fn colours<const N: usize>(
+    counts: [usize; N],
+    nodes: &ContactNodes,
+    nodes_of: impl Fn(usize, usize) -> [u32; 4],
+) -> [(Vec<u32>, usize); N] {
+    let mut colours = counts.map(|count| vec![NO_COLOUR; count]);
+    let order_of = |list: usize| order(counts[list], nodes, |pair| nodes_of(list, pair));
+    let numbers = if nodes.ranks().is_alone() {
+        for (list, colours) in colours.iter_mut().enumerate() {
+            let used_colours = &mut UsedColours::new(nodes.cloth());
+            colour_one_by_one(&order_of(list).0, |pair| nodes_of(list, pair), colours, used_colours);
+        }
+        colours.iter().map(|colours| number_of(colours)).collect()
+    } else {
+        let orders: Vec<(Vec<u32>, usize)> = (0..N).map(order_of).collect();
+        colour_together(nodes, nodes_of, &orders, &mut colours)
+    };
+    let mut numbers = numbers.into_iter();
+    colours.map(|colours| (colours, numbers.next().unwrap_or_default()))
+}
+
+/// Number of colours up to the highest of these.
+fn number_of(colours: &[u32]) -> usize {
+    colours.iter().filter(|colour| **colour != NO_COLOUR).max().map_or(0, |colour| *colour as usize + 1)
+}
+
+/// Colours pairs of this rank alone, before which all is decided.
+fn colour_one_by_one(
+    order: &[u32],
+    nodes_of: impl Fn(usize) -> [u32; 4],
+    colours: &mut [u32],
+    used_colours: &mut UsedColours,
+) {
+    for &pair in order {
         let of = nodes_of(pair as usize);
         colours[pair as usize] = used_colours.first_free(&of);
         used_colours.take(&of, colours[pair as usize]);
     }
-    let highest = colours.iter().filter(|colour| **colour != NO_COLOUR).max();
-    let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
-    (colours, number as usize)
 }
 
-/// Colours the pairs of `order`, which several ranks hold, batch by batch.
+/// Colours the pairs between parts of each list, which several ranks hold, batch by batch, and then those within parts; `orders` has the
+/// order of each list and how many pairs of it are between parts. Returns the numbers of colours of all ranks.
 fn colour_together(
     nodes: &ContactNodes,
-    nodes_of: impl Fn(usize) -> [u32; 4],
-    order: &[u32],
-    colours: &mut [u32],
-    used_colours: &mut UsedColours,
-) {
-    let has_copies = !nodes.halo().is_empty();
-    let copied = if has_copies { nodes.cloth() } else { 0 };
+    nodes_of: impl Fn(usize, usize) -> [u32; 4],
+    orders: &[(Vec<u32>, usize)],
+    colours: &mut [Vec<u32>],
+) -> Vec<usize> {
+    let (cloth, lists) = (nodes.cloth(), orders.len());
+    let nodes_of = |list: usize, pair: usize| nodes_of(list, pair).map(|node| node + (list * cloth) as u32);
+    let mut used_colours = UsedColours::new(lists * cloth);
+    let between =
+        (0..).zip(orders).flat_map(|(list, (order, between))| order[..*between].iter().map(move |pair| [list, *pair]));
+    let order: Vec<[u32; 2]> = between.collect();
     let mut colouring = Colouring {
         nodes,
-        nodes_of,
-        order,
+        nodes_of: &nodes_of,
+        order: &order,
         colours,
-        used: vec![0; nodes.cloth()],
-        waits: vec![false; nodes.cloth()],
-        announced: vec![NOBODY; copied],
-        has_changed: vec![false; copied],
+        used: vec![0; lists * cloth],
+        waits: vec![false; lists * cloth],
+        announced: vec![NOBODY; lists * cloth],
+        has_changed: vec![false; lists * cloth],
     };
     let mut waiting: Vec<u32> = (0..order.len() as u32).collect();
+    let mut within = Some(orders);
     for batch in 0.. {
-        if !nodes.ranks().any(!waiting.is_empty()) {
-            break;
-        }
         waiting = colouring.batch(batch, waiting);
         used_colours.keep(batch, &colouring.used);
+        // A pair within a part is of one rank. Where none of this rank's pairs waits, all before those within parts is decided.
+        for (list, (order, between)) in within.take_if(|_| waiting.is_empty()).into_iter().flatten().enumerate() {
+            let colours = &mut colouring.colours[list];
+            colour_one_by_one(&order[*between..], |pair| nodes_of(list, pair), colours, &mut used_colours);
+        }
+        let mut largest: Vec<f64> = colouring.colours.iter().map(|colours| number_of(colours) as f64).collect();
+        largest.push(f64::from(u8::from(!waiting.is_empty())));
+        let mut largest = nodes.ranks().max_each(largest);
+        if largest.pop() == Some(0.0) {
+            return largest.into_iter().map(|number| number as usize).collect();
+        }
     }
+    unreachable!("each batch decides some of the pairs")
 }
 
 /// Colours that are taken at each node, in all batches.
@@ -185,13 +222,14 @@ fn class(key: &Key) -> u8 {
     class
 }
 
-/// State while a batch is filled.
+/// State while a batch is filled. Each list has nodes of its own here: those of the second list come behind those of the first.
 struct Colouring<'a, F> {
     nodes: &'a ContactNodes,
     nodes_of: F,
-    /// Pairs in the order in which they choose.
-    order: &'a [u32],
-    colours: &'a mut [u32],
+    /// Pairs in the order in which they choose, by list and place in it.
+    order: &'a [[u32; 2]],
+    /// Colours of each list.
+    colours: &'a mut [Vec<u32>],
     /// Colours of the batch that are taken at each node.
     used: Vec<u128>,
     /// Nodes of which this pass has met a pair that it could not decide.
@@ -202,7 +240,7 @@ struct Colouring<'a, F> {
     has_changed: Vec<bool>,
 }
 
-impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
+impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
     /// Gives the colours of a batch to the pairs at these places of the order, ascending; returns the pairs that found
     /// none free.
     fn batch(&mut self, batch: u32, undecided: Vec<u32>) -> Vec<u32> {
@@ -233,14 +271,15 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
     /// at a node, because where everything is near everything there are very many rounds.
     fn rounds(&mut self, batch: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
-        if !self.nodes.ranks().any(!left.is_empty()) {
-            return;
-        }
-        let mut wait_lists = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut others = self.nodes.halo().neighbours();
+        let mut wait_lists = WaitLists::new(&left, self.used.len(), |place| self.nodes_at(place));
         let mut changed = wait_lists.nodes();
         let mut round = 0;
         loop {
-            let mut looked_at = self.tell(&wait_lists, &changed);
+            let mut looked_at = self.tell(&wait_lists, &changed, &mut others);
+            if wait_lists.is_empty() {
+                break;
+            }
             changed.clear();
             round += 1;
             if round % ROUNDS_UNTIL_FULL == 0 {
@@ -256,9 +295,6 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
                     looked_at.extend(of);
                     changed.extend(of);
                 }
-            }
-            if !self.nodes.ranks().any(!wait_lists.is_empty()) {
-                break;
             }
         }
     }
@@ -293,7 +329,8 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         let colour = (!self.used_colours(&of)).trailing_zeros();
         if colour < BATCH {
             of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
-            self.colours[self.order[place as usize] as usize] = batch * BATCH + colour;
+            let [list, pair] = self.order[place as usize].map(|number| number as usize);
+            self.colours[list][pair] = batch * BATCH + colour;
         } else {
             full.push(place);
         }
@@ -306,11 +343,22 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Nodes of the pair at a place of the order.
     fn nodes_at(&self, place: u32) -> [u32; 4] {
-        (self.nodes_of)(self.order[place as usize] as usize)
+        let [list, pair] = self.order[place as usize].map(|number| number as usize);
+        (self.nodes_of)(list, pair)
+    }
+
+    /// The node of contact that a list's node is.
+    fn node(&self, node: u32) -> u32 {
+        node % self.nodes.cloth() as u32
     }
 
     fn is_own(&self, of: &[u32; 4]) -> bool {
-        of.iter().all(|node| self.nodes.is_own(*node))
+        of.iter().all(|node| self.nodes.is_own(self.node(*node)))
+    }
+
+    /// A pair by the scene's numbers of its nodes.
+    fn key(&self, of: &[u32; 4]) -> Key {
+        of.map(|node| self.nodes.number(self.node(node)))
     }
 
     /// Whether all ranks with a node of this pair, the first at its nodes, know that it is.
@@ -318,7 +366,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if self.is_own(of) {
             return true;
         }
-        let key = of.map(|node| self.nodes.number(node));
+        let key = self.key(of);
         let is_announced = of.iter().all(|node| self.announced[*node as usize] == key);
         if is_announced {
             // What comes next at these nodes is not known to everybody yet.
@@ -328,25 +376,29 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
-    /// which something else is known now.
-    fn tell(&mut self, wait_lists: &WaitLists, changed: &[u32]) -> Vec<u32> {
-        let nodes = self.nodes;
-        let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
-        if nodes.halo().is_empty() {
+    /// which something else is known now. Of `others`, the ranks that are still in the rounds, those that leave are taken out.
+    fn tell(&mut self, wait_lists: &WaitLists, changed: &[u32], others: &mut Vec<usize>) -> Vec<u32> {
+        let (nodes, cloth) = (self.nodes, self.nodes.cloth());
+        let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(self.node(*node))).collect();
+        if others.is_empty() {
             return known;
         }
         for node in &known {
-            let first = wait_lists.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            let first = wait_lists.first(*node).map(|place| self.key(&self.nodes_at(place)));
             self.announced[*node as usize] = first.unwrap_or(NOBODY);
             self.has_changed[*node as usize] = true;
         }
         let (announced, used, has_changed) = (&self.announced, &self.used, &self.has_changed);
+        let changed = |node: u32| {
+            let of_lists = (0_u8..).zip((node as usize..used.len()).step_by(cloth));
+            let changed = of_lists.filter(move |(_, node)| has_changed[*node]);
+            changed.map(move |(list, node)| Announcement { list, first: announced[node], used: used[node] })
+        };
         let mut copies = Vec::new();
-        let own = |node: usize| Announcement { first: announced[node], used: used[node] };
-        let changed = |node: u32| has_changed[node as usize].then(|| own(node as usize));
-        nodes.halo().update_changed(nodes.ranks(), changed, |copy, state: Announcement| copies.push((copy, state)));
+        let take = |copy: usize, state: Announcement| copies.push((copy + usize::from(state.list) * cloth, state));
+        nodes.halo().update_changed_in_rounds(nodes.ranks(), (others, wait_lists.is_empty()), changed, take);
         known.iter().for_each(|node| self.has_changed[*node as usize] = false);
-        for (copy, Announcement { first, used }) in copies {
+        for (copy, Announcement { first, used, .. }) in copies {
             (self.announced[copy], self.used[copy]) = (first, used);
             known.push(copy as u32);
         }
@@ -356,13 +408,15 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
 /// Message from the owner of a node to the ranks that have a copy of it.
 struct Announcement {
+    /// List of pairs that it is about.
+    list: u8,
     /// The first undecided pair there.
     first: Key,
     /// Colours of the batch that are taken there.
     used: u128,
 }
 
-codec!(struct Announcement { first, used });
+codec!(struct Announcement { list, first, used });
 
 /// The undecided pairs of each node, by their places in the order, ascending.
 struct WaitLists {

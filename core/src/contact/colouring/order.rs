@@ -17,11 +17,24 @@ pub(crate) struct Order {
 }
 
 impl Order {
-    /// Reorders `pairs`, which are all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells
+    /// Reorders lists of pairs, each of which has all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells
     /// their nodes. Pairs of a colour keep their order. Pairs with a point of a body have no colour, and stand behind
     /// the others. All ranks call it together.
-    pub(crate) fn of<T: Clone>(pairs: &mut Vec<T>, nodes: &ContactNodes, nodes_of: impl Fn(&T) -> [u32; 4]) -> Self {
-        let (colours, count) = colouring::colours(pairs.len(), nodes, |pair| nodes_of(&pairs[pair]));
+    pub(crate) fn of<const N: usize, T: Clone>(
+        lists: [&mut Vec<T>; N],
+        nodes: &ContactNodes,
+        nodes_of: impl Fn(&T) -> [u32; 4],
+    ) -> [Self; N] {
+        let counts = lists.each_ref().map(|list| list.len());
+        let mut colours = colouring::colours(counts, nodes, |list, pair| nodes_of(&lists[list][pair])).into_iter();
+        lists.map(|list| {
+            let (colours, count) = colours.next().unwrap_or_default();
+            Self::by_colour(list, &colours, count)
+        })
+    }
+
+    /// Reorders pairs by their colours, of which there are so many.
+    fn by_colour<T: Clone>(pairs: &mut Vec<T>, colours: &[u32], count: usize) -> Self {
         let place_of = |colour: u32| if colour == NO_COLOUR { count } else { colour as usize };
         let mut starts = vec![0usize; count + 2];
         colours.iter().for_each(|colour| starts[place_of(*colour) + 1] += 1);
@@ -61,7 +74,7 @@ mod tests {
     #[test]
     fn pairs_of_a_colour_keep_their_order_and_those_with_bodies_come_last() {
         let mut list: Vec<[u32; 4]> = vec![[0, 1, 2, 3], [4, 5, 6, 20], [7, 8, 9, 10], [11, 12, 13, 14]];
-        let order = Order::of(&mut list, &alone(20), |pair| *pair);
+        let [order] = Order::of([&mut list], &alone(20), |pair| *pair);
         assert_eq!(order.colours(), std::slice::from_ref(&(0..3)));
         assert_eq!(list, [[0, 1, 2, 3], [7, 8, 9, 10], [11, 12, 13, 14], [4, 5, 6, 20]]);
     }
@@ -70,7 +83,7 @@ mod tests {
     fn a_restricted_order_keeps_the_colours_of_what_is_left() {
         // Three pairs that all share a node, and one by itself: three colours.
         let mut list: Vec<[u32; 4]> = vec![[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 11, 12], [13, 14, 15, 16]];
-        let order = Order::of(&mut list, &alone(20), |pair| *pair);
+        let [order] = Order::of([&mut list], &alone(20), |pair| *pair);
         assert_eq!(order.colours(), [0..2, 2..3, 3..4]);
         assert_eq!(order.restricted(&[1, 3]).colours(), [0..1, 1..1, 1..2]);
     }

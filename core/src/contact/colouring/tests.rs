@@ -54,7 +54,7 @@ fn check(random: &mut SplitMix64, pairs: Vec<[u32; 4]>, nodes: usize, bodies: us
         let (expected, pairs) = (expected.clone(), pairs.clone());
         let numbers = on_ranks(ranks, move |ranks| {
             let (nodes, held) = held(&ranks, &starts, bodies, &pairs);
-            let (found, number) = colours(held.len(), &nodes, |i| held[i].1);
+            let [(found, number)] = colours([held.len()], &nodes, |_, i| held[i].1);
             for ((place, _), colour) in held.iter().zip(&found) {
                 assert_eq!(*colour, expected[*place], "{ranks:?} of {starts:?}, pair {:?}", pairs[*place]);
             }
@@ -75,6 +75,34 @@ fn any_number_of_ranks_finds_the_colours_of_one_after_the_other() {
 }
 
 #[test]
+fn lists_are_coloured_at_the_same_time_as_if_each_were_alone() {
+    let mut random = SplitMix64::new(74);
+    let lists = [(2500, 60), (400, 60), (0, 60)].map(|(count, nodes)| random_pairs(&mut random, count, nodes, 3));
+    let expected = lists.each_ref().map(|pairs| greedy(pairs, 60));
+    for ranks in [1, 2, 4] {
+        let starts = random_starts(&mut random, ranks, 60);
+        let (lists, expected) = (lists.clone(), expected.clone());
+        on_ranks(ranks, move |ranks| {
+            let all = lists.concat();
+            let (nodes, _) = held(&ranks, &starts, 3, &all);
+            let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
+            let local = |number: &u32| nodes.local(*number).expect("a node of a pair that is held");
+            let held = lists.each_ref().map(|pairs| {
+                let is_held = |(_, pair): &(usize, &[u32; 4])| pair.iter().any(|node| own.contains(node));
+                let held = pairs.iter().enumerate().filter(is_held);
+                held.map(|(place, pair)| (place, pair.each_ref().map(local))).collect::<Vec<_>>()
+            });
+            let found = colours(held.each_ref().map(Vec::len), &nodes, |list, pair| held[list][pair].1);
+            for ((held, expected), (found, number)) in held.iter().zip(&expected).zip(found) {
+                assert!(held.iter().zip(&found).all(|((place, _), colour)| expected[*place] == *colour));
+                let most = expected.iter().filter(|colour| **colour != NO_COLOUR).max();
+                assert_eq!(number, most.map_or(0, |colour| *colour as usize + 1));
+            }
+        });
+    }
+}
+
+#[test]
 fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
     let mut random = SplitMix64::new(72);
     let pairs = random_pairs(&mut random, 2500, 30, 0);
@@ -87,7 +115,7 @@ fn no_two_pairs_of_a_colour_share_a_node() {
     let mut random = SplitMix64::new(73);
     let pairs = random_pairs(&mut random, 3000, 200, 0);
     let (nodes, held) = held(&crate::parallel::ranks::Ranks::default(), &[0, 200], 0, &pairs);
-    let (found, number) = colours(held.len(), &nodes, |i| held[i].1);
+    let [(found, number)] = colours([held.len()], &nodes, |_, i| held[i].1);
     let mut seen = vec![false; 200 * number];
     for (pair, colour) in pairs.iter().zip(found) {
         for node in pair {
@@ -105,7 +133,7 @@ fn a_pair_that_is_there_twice_has_two_colours_alike_on_all_ranks() {
         let pairs = pairs.clone();
         on_ranks(starts.len() - 1, move |ranks| {
             let (nodes, held) = held(&ranks, &starts, 0, &pairs);
-            let (found, _) = colours(held.len(), &nodes, |i| held[i].1);
+            let [(found, _)] = colours([held.len()], &nodes, |_, i| held[i].1);
             assert!(held.iter().zip(found).all(|((place, _), colour)| expected[*place] == colour));
         });
     }

@@ -104,8 +104,7 @@ fn draw_along(surface: &ContactSurface, known: &Known, v: &mut [Vec3]) {
     }
     let first = nodes.own().start;
     for _ in 0..RINGS_DRAWN {
-        nodes.update(&mut changes);
-        nodes.update(&mut drawn);
+        nodes.update_all(&mut [&mut changes, &mut drawn]);
         let mut means: BTreeMap<usize, (Vec3, f64)> = BTreeMap::new();
         for corners in surface.cloth().triangles() {
             let drawing = || corners.iter().map(|&node| node as usize).filter(|&node| drawn[node] != 0);

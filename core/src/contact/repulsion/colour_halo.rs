@@ -1,17 +1,19 @@
-//! Messages between ranks during the sweeps: after each colour, the velocities of nodes of which another rank has a
-//! copy, in a pair that this other rank does not hold.
+//! Messages between ranks during the sweeps: velocities of nodes of which another rank has a copy, changed by a pair that this other
+//! rank does not hold.
 //!
-//! Both sides know beforehand what is sent after which colour, for the pairs that are active: a colour that changes
-//! nothing of this kind takes no message. The
-//! pairs that change what is sent go first, and the others while it is on its way.
+//! A copy needs such a velocity before the next pair of its rank reads it. So there is an interval of colours after any of which it can
+//! be sent: from the last change to the colour before that pair. Two ranks tell each other the intervals of both directions and find, by
+//! the same rule, the fewest rounds that meet all of them (earliest end first: J. Kleinberg, E. Tardos, Algorithm Design, 4.1). Where a
+//! rank sends after a colour, the pairs that change what is sent go first, and the others while it is on its way.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::repulsion::active_pair::{ActivePair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
+use crate::contact::repulsion::{SWEEPS, Sweep};
 use crate::contact::topology::nodes::ContactNodes;
-use crate::contact::topology::pair::{KINDS, PairKind};
 use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::message::{self, codec};
 use crate::parallel::ranks::Ranks;
@@ -21,17 +23,41 @@ use crate::parallel::ranks::Ranks;
 pub(super) struct HaloPerColour {
     /// Before the first sweep: all ghosts of active pairs.
     first: HaloExchange,
-    /// After each colour of each kind.
-    rounds: [Vec<HaloExchange>; 2],
+    /// After each colour of each sweep, one sweep behind the other; none where nothing is ever exchanged.
+    rounds: Vec<HaloExchange>,
+    /// Numbers of active pairs of each colour of each kind that change the velocities sent after it in some sweep; they stand first.
+    ahead: [Vec<usize>; 2],
 }
 
 /// Velocities sent at one time; local nodes.
 #[derive(Debug, Clone, Default)]
 struct HaloExchange {
-    /// Number of active pairs of the colour that change the velocities sent; they stand first.
-    ahead: usize,
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Vec<u32>)>,
+}
+
+/// When a copy of a node has to get its velocity: after a colour from `from` on, before the colour `until`. Colours are counted from
+/// the first one of the first sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Interval {
+    /// Place in the list of what is sent to the rank.
+    place: u32,
+    from: u32,
+    until: u32,
+}
+
+codec!(struct Interval { place, from, until });
+
+impl Interval {
+    /// The report of a broken message says.
+    const NAME: &str = "intervals of velocities";
+}
+
+/// Intervals of both directions between this rank and another.
+#[derive(Debug, Default)]
+struct Between {
+    sent: Vec<Interval>,
+    received: Vec<Interval>,
 }
 
 impl HaloPerColour {
@@ -41,47 +67,66 @@ impl HaloPerColour {
         if halo.is_empty() {
             return Self::default();
         }
-        let (wanted, first) = wanted(nodes, marked);
-        let near = near(nodes, kinds, &wanted);
-        let mut rounds = [0, 1].map(|kind| vec![HaloExchange::default(); kinds[kind].live_order.colours().len()]);
+        let starts = starts_of_sweeps(kinds);
+        let colours = starts[SWEEPS.len()];
+        let events = Events::of(nodes, kinds);
+        let (mut first, mut rounds) = (HaloExchange::default(), vec![HaloExchange::default(); colours]);
         let mut lists = Vec::new();
-        for ((to, list), wanted) in halo.sends().iter().zip(&wanted) {
-            let announced = announced_pairs(nodes, &near, *to, list, wanted);
-            for Announced { kind, colour, places } in &announced {
-                let sent = places.iter().map(|place| list[*place as usize]).collect();
-                rounds[*kind as usize][*colour as usize].sends.push((*to, sent));
+        for (to, list) in halo.sends() {
+            let (wanted, intervals) = events.sent_to(nodes, (*to, list.as_slice()), &starts);
+            if !wanted.is_empty() {
+                first.sends.push((*to, wanted));
             }
-            lists.push(announced);
+            lists.push(intervals);
         }
-        let (ranks, rank) = (nodes.ranks(), nodes.ranks().rank());
-        let received = halo.tell_holders_encoded(ranks, Announced::NAME, &lists);
-        for ((from, range), announced) in halo.receives().iter().zip(received) {
-            for Announced { kind, colour, places } in announced {
-                let rounds = &mut rounds[kind as usize];
-                let colour = message::index(rank, Announced::NAME, colour, rounds.len());
-                let place = |place| range.start + message::index(rank, Announced::NAME, place, range.len());
-                let ghosts = places.into_iter().map(|at| place(at) as u32).collect();
-                rounds[colour].receives.push((*from, ghosts));
+        let received = halo.tell_holders_encoded(nodes.ranks(), Interval::NAME, &lists);
+        let mut between: BTreeMap<usize, Between> = BTreeMap::new();
+        for ((to, _), sent) in halo.sends().iter().zip(lists) {
+            between.entry(*to).or_default().sent = sent;
+        }
+        for ((from, range), received) in halo.receives().iter().zip(received) {
+            received.iter().for_each(|interval| interval.check(nodes.ranks().rank(), range.len(), colours));
+            between.entry(*from).or_default().received = received;
+            let ghosts: Vec<u32> = range.clone().filter(|node| marked[*node]).map(|node| node as u32).collect();
+            if !ghosts.is_empty() {
+                first.receives.push((*from, ghosts));
             }
         }
-        Self { first, rounds }
+        for (other, Between { sent, received }) in between {
+            let times = fewest_rounds(sent.iter().chain(&received));
+            if let Some((_, list)) = halo.sends().iter().find(|(to, _)| *to == other) {
+                put(&mut rounds, &times, sent, |round| &mut round.sends, (other, |place| list[place as usize]));
+            }
+            if let Some((_, range)) = halo.receives().iter().find(|(from, _)| *from == other) {
+                let ghost = |place| range.start as u32 + place;
+                put(&mut rounds, &times, received, |round| &mut round.receives, (other, ghost));
+            }
+        }
+        Self { first, rounds, ahead: Default::default() }
     }
 
     /// Puts the active pairs that change what is sent before the others of their colour.
     pub(super) fn put_first(&mut self, kinds: &mut [PairsOfKind; 2]) {
-        for (rounds, of_kind) in self.rounds.iter_mut().zip(kinds) {
+        if self.rounds.is_empty() {
+            return;
+        }
+        let starts = starts_of_sweeps(kinds);
+        for (kind, (ahead, of_kind)) in self.ahead.iter_mut().zip(kinds).enumerate() {
             let PairsOfKind { live, live_order, contacts, .. } = of_kind;
-            for (round, range) in rounds.iter_mut().zip(live_order.colours()).filter(|(r, _)| !r.sends.is_empty()) {
-                let mut sent: Vec<u32> = round.sends.iter().flat_map(|(_, list)| list).copied().collect();
+            for (colour, range) in live_order.colours().iter().enumerate() {
+                let of_kind = SWEEPS.iter().zip(starts).filter(|(sweep, _)| sweep.kind as usize == kind);
+                let rounds = of_kind.map(|(_, start)| &self.rounds[start + colour]);
+                let mut sent: Vec<u32> =
+                    rounds.flat_map(|round| &round.sends).flat_map(|(_, list)| list).copied().collect();
                 sent.sort_unstable();
-                let is_announced =
+                let is_sent =
                     |contacts: &ActivePair| contacts.nodes.iter().any(|node| sent.binary_search(node).is_ok());
                 let live = &mut live[range.clone()];
-                let (ahead, rest): (Vec<u32>, Vec<u32>) =
-                    live.iter().partition(|pair| contacts[**pair as usize].as_ref().is_some_and(is_announced));
-                round.ahead = ahead.len();
-                live[..ahead.len()].copy_from_slice(&ahead);
-                live[ahead.len()..].copy_from_slice(&rest);
+                let (first, rest): (Vec<u32>, Vec<u32>) =
+                    live.iter().partition(|pair| contacts[**pair as usize].as_ref().is_some_and(is_sent));
+                ahead.push(first.len());
+                live[..first.len()].copy_from_slice(&first);
+                live[first.len()..].copy_from_slice(&rest);
             }
         }
     }
@@ -93,17 +138,19 @@ impl HaloPerColour {
         }
     }
 
-    /// Treats the pairs of a colour, and gives ghosts the velocities that it has changed elsewhere.
+    /// Treats the pairs of a colour of a sweep, the one with the number `place` of all colours of all sweeps, and gives ghosts the
+    /// velocities that have changed elsewhere.
     pub(super) fn with_colour(
         &self,
         ranks: &Ranks,
-        [kind, colour]: [usize; 2],
+        (kind, colour, place): (usize, usize, usize),
         live: &[u32],
         velocities: &AtomicVectors,
         treat: impl Fn(&[u32]),
     ) {
-        let Some(round) = self.rounds[kind].get(colour) else { return treat(live) };
-        let (ahead, rest) = live.split_at(round.ahead);
+        let round = self.rounds.get(place).filter(|round| !round.is_empty());
+        let Some(round) = round else { return treat(live) };
+        let (ahead, rest) = live.split_at(self.ahead[kind][colour]);
         treat(ahead);
         let exchange = round.start(ranks, velocities);
         treat(rest);
@@ -113,10 +160,23 @@ impl HaloPerColour {
     }
 }
 
+/// First colour of each sweep, of all colours one sweep behind the other, and their number at the end.
+pub(super) fn starts_of_sweeps(kinds: &[PairsOfKind; 2]) -> [usize; SWEEPS.len() + 1] {
+    let mut starts = [0; SWEEPS.len() + 1];
+    for (sweep, Sweep { kind, .. }) in SWEEPS.iter().enumerate() {
+        starts[sweep + 1] = starts[sweep] + kinds[*kind as usize].live_order.colours().len();
+    }
+    starts
+}
+
 impl HaloExchange {
+    fn is_empty(&self) -> bool {
+        self.sends.is_empty() && self.receives.is_empty()
+    }
+
     /// Sends the velocities as they are now.
     fn start<'a>(&self, ranks: &'a Ranks, velocities: &AtomicVectors) -> Option<Box<dyn Exchange + 'a>> {
-        if self.sends.is_empty() && self.receives.is_empty() {
+        if self.is_empty() {
             return None;
         }
         let values = |list: &[u32]| list.iter().map(|node| velocities.get(*node)).collect::<Vec<Vec3>>();
@@ -138,88 +198,170 @@ impl HaloExchange {
     }
 }
 
-/// Finds the nodes that each rank has copies of and has in active pairs: their places in the list of nodes sent to
-/// it, rank by rank as in the halo; and the round that gives all of them.
-fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, HaloExchange) {
-    let halo = nodes.halo();
-    let marks = |range: &Range<usize>| marked[range.clone()].iter().map(|m| u8::from(*m)).collect();
-    let answers = halo.tell_owners::<u8>(nodes.ranks(), "nodes of active pairs", marks);
-    let wanted: Vec<Vec<u32>> =
-        halo.sends().iter().zip(answers).map(|((_, list), marks)| places(nodes, list, &marks)).collect();
-    let mut first = HaloExchange::default();
-    for ((to, list), wanted) in halo.sends().iter().zip(&wanted).filter(|(_, wanted)| !wanted.is_empty()) {
-        first.sends.push((*to, wanted.iter().map(|place| list[*place as usize]).collect()));
+impl Interval {
+    /// Makes sure that an interval to this rank names one of `count` ghosts, and a time between two of so many colours.
+    fn check(&self, rank: usize, count: usize, colours: usize) {
+        message::index(rank, Self::NAME, self.place, count);
+        let until = message::index(rank, Self::NAME, self.until, colours);
+        message::index(rank, Self::NAME, self.from, until);
     }
-    for (from, range) in halo.receives() {
-        let ghosts: Vec<u32> = range.clone().filter(|node| marked[*node]).map(|node| node as u32).collect();
-        if !ghosts.is_empty() {
-            first.receives.push((*from, ghosts));
-        }
-    }
-    (wanted, first)
 }
 
-/// The places that are marked in a list, which has as many.
-fn places(nodes: &ContactNodes, list: &[u32], marks: &[u8]) -> Vec<u32> {
-    if marks.len() != list.len() {
-        let what = format_args!("{} of {} nodes are marked", marks.len(), list.len());
-        message::is_broken(nodes.ranks().rank(), "nodes of active pairs", what);
-    }
-    (0..).zip(marks).filter(|(_, mark)| **mark != 0).map(|(place, _)| place).collect()
-}
-
-/// An active pair that has a node which somebody wants.
-struct NearPair {
-    kind: PairKind,
-    colour: u32,
+/// An active pair at an own node of which another rank has a copy.
+struct Event {
+    node: u32,
+    kind: usize,
+    colour: usize,
+    /// All nodes of the pair.
     nodes: [u32; 4],
 }
 
-/// The active pairs that have a node which somebody wants, in the order of the sweeps.
-fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> Vec<NearPair> {
-    let mut watched = vec![false; nodes.cloth()];
-    for ((_, list), wanted) in nodes.halo().sends().iter().zip(wanted) {
-        wanted.iter().for_each(|place| watched[list[*place as usize] as usize] = true);
+/// The active pairs at each own node of which another rank has a copy, in the order of a sweep.
+struct Events(Vec<Event>);
+
+impl Events {
+    fn of(nodes: &ContactNodes, kinds: &[PairsOfKind; 2]) -> Self {
+        let mut is_sent = vec![false; nodes.cloth()];
+        nodes.halo().sends().iter().flat_map(|(_, list)| list).for_each(|node| is_sent[*node as usize] = true);
+        let mut all = Vec::new();
+        for (kind, of_kind) in kinds.iter().enumerate() {
+            for (colour, range) in of_kind.live_order.colours().iter().enumerate() {
+                for pair in of_kind.live[range.clone()].iter().filter_map(|i| of_kind.contacts[*i as usize].as_ref()) {
+                    let sent = pair.nodes.into_iter().filter(|node| is_sent[*node as usize]);
+                    all.extend(sent.map(|node| Event { node, kind, colour, nodes: pair.nodes }));
+                }
+            }
+        }
+        // Stable: the order of a sweep stays.
+        all.sort_by_key(|event| event.node);
+        Self(all)
     }
-    let mut near = Vec::new();
-    for (kind, of_kind) in KINDS.into_iter().zip(kinds) {
-        for (colour, range) in (0..).zip(of_kind.live_order.colours()) {
-            let active = of_kind.live[range.clone()].iter().filter_map(|&i| of_kind.contacts[i as usize].as_ref());
-            let watched = active.filter(|t| t.nodes.iter().any(|node| watched[*node as usize]));
-            near.extend(watched.map(|t| NearPair { kind, colour, nodes: t.nodes }));
+
+    /// Returns the nodes of a list, those that a rank has copies of, that are in active pairs which it holds, and the intervals in which
+    /// it needs their velocities. It holds a pair if it owns one of its nodes, which then has a copy here.
+    fn sent_to(
+        &self,
+        nodes: &ContactNodes,
+        (to, list): (usize, &[u32]),
+        starts: &[usize; SWEEPS.len() + 1],
+    ) -> (Vec<u32>, Vec<Interval>) {
+        let theirs = nodes.halo().receives().iter().find(|(from, _)| *from == to);
+        let theirs = theirs.map_or(0..0, |(_, range)| range.clone());
+        let is_held = |event: &Event| event.nodes.iter().any(|node| theirs.contains(&(*node as usize)));
+        let (mut wanted, mut intervals) = (Vec::new(), Vec::new());
+        for (place, node) in (0..).zip(list) {
+            let first = self.0.partition_point(|event| event.node < *node);
+            let of_node: Vec<(usize, usize, bool)> = self.0[first..]
+                .iter()
+                .take_while(|event| event.node == *node)
+                .map(|event| (event.kind, event.colour, is_held(event)))
+                .collect();
+            if of_node.iter().any(|(.., is_held)| *is_held) {
+                wanted.push(*node);
+                let of_sweeps = intervals_of(&of_node, starts);
+                intervals.extend(of_sweeps.map(|Range { start, end }| Interval { place, from: start, until: end }));
+            }
+        }
+        (wanted, intervals)
+    }
+}
+
+/// Intervals in which the copy of a node needs its velocity, given the kinds and colours of its pairs in the order of a sweep, and whether
+/// the copy's rank holds them.
+fn intervals_of(
+    pairs: &[(usize, usize, bool)],
+    starts: &[usize; SWEEPS.len() + 1],
+) -> impl Iterator<Item = Range<u32>> {
+    let in_order = SWEEPS.iter().zip(starts).flat_map(move |(sweep, start)| {
+        let of_kind = pairs.iter().filter(move |(kind, ..)| *kind == sweep.kind as usize);
+        of_kind.map(move |(_, colour, is_held)| ((start + colour) as u32, *is_held))
+    });
+    let mut changed = None;
+    in_order.filter_map(move |(at, is_held)| {
+        if is_held {
+            return changed.take().map(|from| from..at);
+        }
+        changed = Some(at);
+        None
+    })
+}
+
+/// The fewest colours, ascending, such that each interval has one after which its velocity can be sent.
+fn fewest_rounds<'a>(intervals: impl Iterator<Item = &'a Interval>) -> Vec<u32> {
+    let mut ends: Vec<Range<u32>> = intervals.map(|interval| interval.from..interval.until).collect();
+    ends.sort_unstable_by_key(|interval| interval.end);
+    let mut rounds: Vec<u32> = Vec::new();
+    for interval in ends {
+        if rounds.last().is_none_or(|last| *last < interval.start) {
+            rounds.push(interval.end - 1);
         }
     }
-    near
+    rounds
 }
 
-/// Nodes that a rank has copies of and that change in the pairs of a colour.
-struct Announced {
-    kind: PairKind,
-    colour: u32,
-    /// Places in the list of what is sent to the rank.
-    places: Vec<u32>,
+/// Puts each interval's node, which `node` finds by its place, into the last of these rounds that it allows; those of a round by place,
+/// so that both ranks have the same order.
+fn put(
+    rounds: &mut [HaloExchange],
+    times: &[u32],
+    mut intervals: Vec<Interval>,
+    list_of: impl Fn(&mut HaloExchange) -> &mut Vec<(usize, Vec<u32>)>,
+    (other, node): (usize, impl Fn(u32) -> u32),
+) {
+    let time = |interval: &Interval| times[times.partition_point(|time| *time < interval.until) - 1];
+    intervals.sort_unstable_by_key(|interval| (time(interval), interval.place));
+    for same in intervals.chunk_by(|a, b| time(a) == time(b)) {
+        let list = same.iter().map(|interval| node(interval.place)).collect();
+        list_of(&mut rounds[time(&same[0]) as usize]).push((other, list));
+    }
 }
 
-codec!(struct Announced { kind, colour, places });
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::random::SplitMix64;
 
-impl Announced {
-    /// The report of a broken message says.
-    const NAME: &str = "places of active pairs";
-}
+    /// Whether each interval has one of these rounds.
+    fn meets(rounds: &[u32], intervals: &[Interval]) -> bool {
+        intervals.iter().all(|interval| rounds.iter().any(|round| (interval.from..interval.until).contains(round)))
+    }
 
-/// Lists the nodes sent to the rank `to`, which has copies of the nodes in `list`: the nodes that it wants, in pairs
-/// that it does not hold.
-fn announced_pairs(nodes: &ContactNodes, near: &[NearPair], to: usize, list: &[u32], wanted: &[u32]) -> Vec<Announced> {
-    let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
-    let theirs = received.map_or(0..0, |(_, range)| range.clone());
-    let mut place_of: Vec<(u32, u32)> = wanted.iter().map(|place| (list[*place as usize], *place)).collect();
-    place_of.sort_unstable();
-    let place = |node: &u32| place_of.binary_search_by_key(node, |(n, _)| *n).ok();
-    let announced = |same: &[NearPair]| {
-        let not_held = same.iter().filter(|pair| !pair.nodes.iter().any(|node| theirs.contains(&(*node as usize))));
-        let places = not_held.flat_map(|pair| &pair.nodes).filter_map(place).map(|i| place_of[i].1).collect();
-        Announced { kind: same[0].kind, colour: same[0].colour, places }
-    };
-    let colours = near.chunk_by(|a, b| (a.kind, a.colour) == (b.kind, b.colour));
-    colours.map(announced).filter(|announced| !announced.places.is_empty()).collect()
+    #[test]
+    fn rounds_meet_every_interval_and_no_fewer_would() {
+        let mut random = SplitMix64::new(5);
+        let mut below = |count: u32| ((random.signed() + 1.0) * 0.5 * f64::from(count)) as u32;
+        for count in [0, 1, 3, 6, 12] {
+            for _ in 0..40 {
+                let one = |_| {
+                    let from = below(11);
+                    Interval { place: 0, from, until: from + 1 + below(12 - from - 1) }
+                };
+                let intervals: Vec<Interval> = (0..count).map(one).collect();
+                let rounds = fewest_rounds(intervals.iter());
+                assert!(rounds.is_sorted_by(|a, b| a < b) && meets(&rounds, &intervals), "{rounds:?} {intervals:?}");
+                // All choices of colours.
+                let chosen = |choice: u32| (0..12).filter(|colour| choice >> colour & 1 == 1).collect::<Vec<u32>>();
+                let fewest = (0..1_u32 << 12).filter(|choice| meets(&chosen(*choice), &intervals));
+                assert_eq!(fewest.map(u32::count_ones).min(), Some(rounds.len() as u32), "{rounds:?} {intervals:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_copy_needs_the_last_change_before_the_next_pair_of_its_rank() {
+        // Four colours of points and triangles, three of edges.
+        let mut starts = [0; SWEEPS.len() + 1];
+        for (sweep, Sweep { kind, .. }) in SWEEPS.iter().enumerate() {
+            starts[sweep + 1] = starts[sweep] + [4, 3][*kind as usize];
+        }
+        let of = |pairs: &[(usize, usize, bool)]| intervals_of(pairs, &starts).collect::<Vec<Range<u32>>>();
+        assert_eq!(of(&[(0, 1, false), (1, 2, false)]), []);
+        assert_eq!(of(&[(0, 1, true), (1, 2, true)]), []);
+        // Two changes, then a pair that the rank holds: three times points and triangles, and once more at the end.
+        assert_eq!(of(&[(0, 0, false), (0, 1, false), (0, 3, true)]), [1..3, 5..7, 9..11, 22..24]);
+        // From one sweep to the next.
+        assert_eq!(of(&[(0, 1, true), (0, 2, false)]), [2..5, 6..9, 10..22]);
+        // From points and triangles to edges and back.
+        assert_eq!(of(&[(0, 1, false), (1, 1, true)]), [9..13, 22..26]);
+    }
 }

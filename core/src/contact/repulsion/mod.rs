@@ -16,7 +16,7 @@ use crate::contact::broad_phase::candidate_pair::CandidatePair;
 use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
 use crate::contact::repulsion::active_pair::{ActivePair, OrientedPair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
-use crate::contact::repulsion::colour_halo::HaloPerColour;
+use crate::contact::repulsion::colour_halo::{HaloPerColour, starts_of_sweeps};
 use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
@@ -31,8 +31,25 @@ mod colour_halo;
 pub(crate) mod ghost_constraints;
 pub(crate) mod pair_forces;
 
-/// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
-const INELASTIC_SWEEPS: usize = 3;
+/// A Gauss-Seidel sweep through the pairs of one kind.
+#[derive(Debug, Clone, Copy)]
+struct Sweep {
+    kind: PairKind,
+    /// Whether its law is a spring's; that of the others is an inelastic impact's.
+    is_elastic: bool,
+}
+
+/// The sweeps of a pass (`docs/theory/self_contact.md#repulsion-with-history`); without springs there are no elastic ones.
+const SWEEPS: [Sweep; 8] = [
+    Sweep { kind: PairKind::PointTriangle, is_elastic: false },
+    Sweep { kind: PairKind::PointTriangle, is_elastic: false },
+    Sweep { kind: PairKind::PointTriangle, is_elastic: false },
+    Sweep { kind: PairKind::EdgeEdge, is_elastic: false },
+    Sweep { kind: PairKind::EdgeEdge, is_elastic: false },
+    Sweep { kind: PairKind::EdgeEdge, is_elastic: false },
+    Sweep { kind: PairKind::PointTriangle, is_elastic: true },
+    Sweep { kind: PairKind::EdgeEdge, is_elastic: true },
+];
 
 /// Pairs of one colour below which a second thread costs more than it brings.
 const PARALLEL: usize = 512;
@@ -189,14 +206,16 @@ impl Repulsions {
         self.project_on_supports(at);
         self.halo_per_colour.before_sweeps(at.nodes.ranks(), &self.velocities);
         let dt = at.dt;
-        let law = |kind: usize, law: &Law<'_>| self.sweep(kind, at, law);
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
-        for kind in 0..2 {
-            (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, approach| laws.inelastic_change(t, approach, dt)));
-        }
-        if with_springs {
-            (0..2).for_each(|kind| law(kind, &|t, approach| laws.elastic_change(t, approach, dt)));
+        let sweeps = SWEEPS.into_iter().zip(starts_of_sweeps(&self.kinds));
+        for (Sweep { kind, is_elastic }, start) in sweeps.filter(|(sweep, _)| with_springs || !sweep.is_elastic) {
+            let law: &Law<'_> = if is_elastic {
+                &|t, approach| laws.elastic_change(t, approach, dt)
+            } else {
+                &|t, approach| laws.inelastic_change(t, approach, dt)
+            };
+            self.sweep((kind, start), at, law);
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
         if at.constraints.is_some() {
@@ -288,10 +307,10 @@ impl Repulsions {
         self.loads.set(node, &load);
     }
 
-    /// One Gauss-Seidel pass in the order of the colours. `law` gives the change of the normal velocity that it wants, from
-    /// that velocity.
-    fn sweep(&self, kind: usize, at: &RepulsionStep<'_>, law: &Law<'_>) {
-        let of_kind = &self.kinds[kind];
+    /// A sweep in the order of the colours, of which the first has the number `start` of those of all sweeps. `law` gives the change
+    /// of the normal velocity that it wants, from that velocity.
+    fn sweep(&self, (kind, start): (PairKind, usize), at: &RepulsionStep<'_>, law: &Law<'_>) {
+        let of_kind = &self.kinds[kind as usize];
         let one = |&i: &u32| {
             let Some(t) = &of_kind.contacts[i as usize] else { return };
             let v = t.nodes.map(|node| self.velocities.get(node));
@@ -314,7 +333,8 @@ impl Repulsions {
         };
         for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
             let live = &of_kind.live[colour.clone()];
-            self.halo_per_colour.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
+            let place = (kind as usize, number, start + number);
+            self.halo_per_colour.with_colour(at.nodes.ranks(), place, live, &self.velocities, treat);
         }
     }
 }

@@ -73,8 +73,7 @@ impl UnrepelledMotion {
                 None => free[node] = 0.0,
             }
         }
-        nodes.update(accelerations);
-        nodes.update(free);
+        nodes.update_all(&mut [accelerations, free]);
     }
 
     /// Force that keeps the sides of a pair from accelerating towards each other along `normal` [N], negative where they part.

@@ -34,9 +34,6 @@ impl SelfContact {
             let nodes = self.surface.nodes();
             self.constraints.resize(nodes.cloth(), BodyConstraints::default());
             bodies.supports(dt, &mut self.constraints[nodes.own()]);
-            if !nodes.ranks().is_alone() {
-                tell_ghosts(nodes, &mut self.constraints);
-            }
         }
         self.repel(Passes::WithoutSprings, dt, x, v, metrics);
     }
@@ -95,8 +92,8 @@ impl SelfContact {
         let Some(repulsions) = &mut self.repulsions else { return };
         let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
         let bears = passes == Passes::WithoutSprings && !self.constraints.is_empty();
-        let constraints = bears.then_some(self.constraints.as_slice());
         if nodes.ranks().is_alone() {
+            let constraints = bears.then_some(self.constraints.as_slice());
             repulsions.apply(
                 passes,
                 &RepulsionStep { nodes, dt, x, mobility: &self.mobility, friction, constraints },
@@ -110,7 +107,12 @@ impl SelfContact {
             all.resize(nodes.cloth(), Vec3::zeros());
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
-        nodes.update(contact_x);
+        if bears {
+            tell_ghosts(nodes, &mut self.constraints, contact_x);
+        } else {
+            nodes.update(contact_x);
+        }
+        let constraints = bears.then_some(self.constraints.as_slice());
         let at = RepulsionStep { nodes, dt, x: contact_x, mobility: &self.mobility, friction, constraints };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);

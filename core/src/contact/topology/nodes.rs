@@ -12,7 +12,7 @@ use bytemuck::Pod;
 
 use crate::contact::topology::pair::Pair;
 use crate::parallel::ghosted_index::LocalVertices;
-use crate::parallel::halo::Halo;
+use crate::parallel::halo::{GhostedArray, Halo};
 use crate::parallel::ranks::Ranks;
 
 /// The numbering of a rank's nodes of contact, and the messages that keep its ghosts.
@@ -152,6 +152,11 @@ impl ContactNodes {
     /// Brings the ghosts' values, in an array over local nodes, to those of their owners.
     pub(crate) fn update<T: Pod>(&self, values: &mut [T]) {
         self.halo().update(self.ranks(), values);
+    }
+
+    /// The same in several arrays, with one message for each rank.
+    pub(crate) fn update_all(&self, arrays: &mut [&mut dyn GhostedArray]) {
+        self.halo().update_all(self.ranks(), arrays);
     }
 }
 

@@ -16,6 +16,7 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::pair_friction::PairFriction;
 use crate::contact::topology::wearing_order::WearingOrder;
 use crate::geometry::crossings::Crossing;
+use crate::parallel::halo::GhostedArray;
 use crate::parallel::ranks::Ranks;
 use crate::scene::contact_matrix::{ContactGroups, ContactMatrix};
 use crate::scene::{BodyShape, Scene};
@@ -190,17 +191,15 @@ impl ContactSurface {
 
     /// Brings what is known of the ghosts to what their owners know.
     fn refresh(&mut self) {
-        self.nodes.update(&mut self.thickness);
-        if let Some(friction) = &mut self.friction {
-            self.nodes.update(friction);
+        let Self { thickness, friction, rest, object, rules, edge_length, mobility, .. } = self;
+        let mut known: Vec<&mut dyn GhostedArray> = vec![thickness, rest, object, edge_length, mobility];
+        if let Some(friction) = friction {
+            known.push(friction);
         }
-        self.nodes.update(&mut self.rest);
-        self.nodes.update(&mut self.object);
-        if let Some(Rules { largest_thickness: Some(largest), .. }) = &mut self.rules {
-            self.nodes.update(largest);
+        if let Some(Rules { largest_thickness: Some(largest), .. }) = rules {
+            known.push(largest);
         }
-        self.nodes.update(&mut self.edge_length);
-        self.nodes.update(&mut self.mobility);
+        self.nodes.update_all(&mut known);
     }
 
     /// Replaces the ghosts by these, and those without which there are no triangles; numbers of the scene, ascending. All ranks
@@ -404,8 +403,8 @@ impl ContactSurface {
             all.clear();
             all.resize(self.nodes.cloth(), Vec3::zeros());
             all[self.nodes.own()].copy_from_slice(&own[self.place.clone()]);
-            self.nodes.update(all);
         }
+        self.nodes.update_all(&mut [nodes, velocities]);
         for (body, _) in &self.first_points {
             let (path, dt) = (bodies.contact_path(*body), bodies.dt());
             for (start, end) in path[0].iter().zip(path[1]) {
@@ -569,7 +568,6 @@ impl NodePaths {
 
     /// Brings the ghosts' paths to those of their owners. All ranks call it together.
     pub(crate) fn refresh(&mut self, nodes: &ContactNodes) {
-        nodes.update(&mut self.start);
-        nodes.update(&mut self.end);
+        nodes.update_all(&mut [&mut self.start, &mut self.end]);
     }
 }

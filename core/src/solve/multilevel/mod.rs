@@ -13,15 +13,19 @@ mod tests;
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
 use nalgebra::Matrix3;
 
 use crate::block_matrix::BlockMatrix;
 use crate::block_matrix::block::stored_block;
 use crate::long_steps::{AGGREGATE, COARSER_AGGREGATE, DIRECT, OVERCORRECTION};
 use crate::parallel::for_each_part::PerPart;
+use crate::parallel::message::{Codec, Decoder};
 use crate::parallel::parts::Parts;
+use crate::parallel::ranks::Ranks;
 use crate::parallel::simd4::Simd4;
 use crate::solve::constraints::Constraints;
+use crate::solve::ghost_directions::GhostDirections;
 use crate::solve::pair_terms::PairTerms;
 use coarsest::Coarsest;
 use level::Level;
@@ -78,37 +82,37 @@ impl Multilevel {
         }
     }
 
-    /// Makes it that of this matrix with these pairs and constraints. All ranks call it together.
+    /// Makes it that of this matrix with these pairs and constraints, of which `ghosts` know those of other ranks. All ranks call it
+    /// together.
     pub(super) fn prepare(
         &mut self,
         parts: &Parts,
         matrix: &BlockMatrix,
         pairs: &PairTerms,
         constraints: &Constraints,
+        ghosts: &GhostDirections,
     ) {
         let ranks = parts.ranks();
-        let projections = constraints.of_local_vertices(parts);
-        let around = pairs.nodes_around(parts, &self.nodes, &projections);
+        let projections = constraints.of_local_vertices(parts, ghosts.local_rows());
+        let around = pairs.nodes_around(parts, &self.nodes, &projections, ghosts.node_rows());
         let mut of_pairs: Vec<Vec<([u32; 2], Matrix3<f64>)>> = vec![Vec::new(); parts.count()];
         parts.for_each((PerPart(&mut self.parts), PerPart(&mut of_pairs)), &|part, (aggregates, of_pairs)| {
             aggregates.0[0].assemble(&matrix.parts()[part], parts.ranges()[part].start, &projections);
             of_pairs.0[0] = aggregates.0[0].add_pairs(pairs, part, &around);
         });
-        let own: Vec<[f32; 9]> = self.parts.iter().flat_map(PartAggregates::diagonal).collect();
-        let diagonal = ranks.all_gather(&own, &self.node_counts);
-        let own: Vec<[f32; 9]> = self.parts.iter().flat_map(PartAggregates::couplings).collect();
-        let couplings = ranks.all_gather(&own, &self.coupling_counts);
+        let (diagonal, couplings, pair_counts) = self.gather_rows(ranks, of_pairs.iter().map(Vec::len).sum());
         let couplings = if pairs.is_empty() {
             if self.with_pairs {
                 self.levels = levels_of(Level::new(&self.by_elements[0], self.by_elements[1].clone()));
             }
             couplings
         } else {
-            let nodes: Vec<[u32; 2]> = of_pairs.iter().flatten().map(|(nodes, _)| *nodes).collect();
-            let blocks: Vec<[f32; 9]> = of_pairs.iter().flatten().map(|(_, block)| stored_block(block)).collect();
-            let (nodes, blocks) = (ranks.all_gather_v(&nodes).concat(), ranks.all_gather_v(&blocks).concat());
+            let stored =
+                |(nodes, block): &([u32; 2], Matrix3<f64>)| PairCoupling { nodes: *nodes, block: stored_block(block) };
+            let own: Vec<PairCoupling> = of_pairs.iter().flatten().map(stored).collect();
+            let others = ranks.all_gather(&own, &pair_counts);
             let rows = Rows { lengths: &self.by_elements[0], columns: &self.by_elements[1], couplings: &couplings };
-            let (lengths, columns, couplings) = rows.with(&nodes, &blocks);
+            let (lengths, columns, couplings) = rows.with(&others);
             self.levels = levels_of(Level::new(&lengths, columns));
             couplings
         };
@@ -122,23 +126,64 @@ impl Multilevel {
         self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1]);
     }
 
+    /// The blocks that elements have in the rows of all ranks: those of the diagonal, and those of couplings; and how many couplings of
+    /// pairs each rank has, this one `own_pairs`.
+    fn gather_rows(&self, ranks: &Ranks, own_pairs: usize) -> (Vec<[f32; 9]>, Vec<[f32; 9]>, Vec<usize>) {
+        let (of_nodes, of_couplings) = (
+            self.parts.iter().flat_map(PartAggregates::diagonal),
+            self.parts.iter().flat_map(PartAggregates::couplings),
+        );
+        if ranks.is_alone() {
+            return (of_nodes.collect(), of_couplings.collect(), vec![own_pairs]);
+        }
+        let mut own = (own_pairs as u64).to_ne_bytes().to_vec();
+        of_nodes.chain(of_couplings).for_each(|block| own.extend_from_slice(bytemuck::bytes_of(&block)));
+        let counts = || self.node_counts.iter().copied().zip(self.coupling_counts.iter().copied());
+        let length = |(nodes, couplings)| size_of::<u64>() + (nodes + couplings) * size_of::<[f32; 9]>();
+        let all = ranks.all_gather(&own, &counts().map(length).collect::<Vec<usize>>());
+        let mut message = Decoder::new(ranks.rank(), "rows of the coarse levels", &all);
+        let (mut diagonal, mut couplings, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        for (of_nodes, of_couplings) in counts() {
+            pairs.push(usize::take(&mut message));
+            diagonal.append(&mut message.values(of_nodes));
+            couplings.append(&mut message.values(of_couplings));
+        }
+        message.end();
+        (diagonal, couplings, pairs)
+    }
+
     /// Returns the aggregates that the parts restrict their residuals to.
     pub(super) fn parts_mut(&mut self) -> &mut [PartAggregates] {
         &mut self.parts
     }
 
-    /// Solves for what the parts have restricted; returns the product of residual and correction. All ranks call it together.
-    pub(super) fn solve(&mut self, parts: &Parts) -> f64 {
+    /// Solves for what the parts have restricted; returns the product of residual and correction, added to the sum of `blocks`, and
+    /// the largest `value` of all ranks. All ranks call it together.
+    pub(super) fn solve(&mut self, parts: &Parts, blocks: &[f64], value: f64) -> (f64, f64) {
         let residuals = self.parts.iter().flat_map(|part| part.residual());
-        if parts.ranks().is_alone() {
+        let (sum, largest) = if parts.ranks().is_alone() {
             self.levels[0].b.iter_mut().zip(residuals).for_each(|(b, residual)| *b = *residual);
+            parts.join_with_max(blocks, value)
         } else {
             let own: Vec<Simd4> = residuals.copied().collect();
-            self.levels[0].b.copy_from_slice(&parts.ranks().all_gather(&own, &self.node_counts));
-        }
+            let (sum, largest, all) = parts.join_with_rows(blocks, value, (&own, &self.node_counts));
+            self.levels[0].b.copy_from_slice(&all);
+            (sum, largest)
+        };
         cycle(&mut self.levels, &mut self.coarsest);
         let Level { b, x, .. } = &self.levels[0];
-        b.iter().zip(x).map(|(b, x)| b.dot(*x)).sum()
+        let of_coarse: f64 = b.iter().zip(x).map(|(b, x)| b.dot(*x)).sum();
+        (sum + of_coarse, largest)
+    }
+
+    /// Node of the first level that a local vertex moves with.
+    pub(super) fn node(&self, vertex: usize) -> u32 {
+        self.nodes[vertex]
+    }
+
+    /// Returns the correction of the vertices of a node.
+    pub(super) fn correction(&self, node: u32) -> Simd4 {
+        self.levels[0].x[node as usize]
     }
 
     /// The correction of each vertex of a part.
@@ -156,6 +201,14 @@ impl Multilevel {
     }
 }
 
+/// A coupling of pairs in touch, by row and column.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct PairCoupling {
+    nodes: [u32; 2],
+    block: [f32; 9],
+}
+
 /// Couplings of the first level, row by row.
 struct Rows<'a> {
     lengths: &'a [u32],
@@ -164,20 +217,20 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// With others behind those of each row, given by row and column, ascending.
-    fn with(&self, nodes: &[[u32; 2]], blocks: &[[f32; 9]]) -> (Vec<u32>, Vec<u32>, Vec<[f32; 9]>) {
+    /// With others, ascending, behind those of each row.
+    fn with(&self, others: &[PairCoupling]) -> (Vec<u32>, Vec<u32>, Vec<[f32; 9]>) {
         let mut lengths = Vec::with_capacity(self.lengths.len());
-        let mut columns = Vec::with_capacity(self.columns.len() + nodes.len());
+        let mut columns = Vec::with_capacity(self.columns.len() + others.len());
         let mut couplings = Vec::with_capacity(columns.capacity());
-        let (mut first, mut others) = (0, nodes.iter().zip(blocks).peekable());
+        let (mut first, mut others) = (0, others.iter().peekable());
         for (row, length) in self.lengths.iter().enumerate() {
             let own = first..first + *length as usize;
             let before = columns.len();
             columns.extend_from_slice(&self.columns[own.clone()]);
             couplings.extend_from_slice(&self.couplings[own.clone()]);
-            while let Some((nodes, block)) = others.next_if(|(nodes, _)| nodes[0] as usize == row) {
-                columns.push(nodes[1]);
-                couplings.push(*block);
+            while let Some(other) = others.next_if(|other| other.nodes[0] as usize == row) {
+                columns.push(other.nodes[1]);
+                couplings.push(other.block);
             }
             lengths.push((columns.len() - before) as u32);
             first = own.end;

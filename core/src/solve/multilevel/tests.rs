@@ -73,7 +73,7 @@ fn prepared(sheet: &Sheet, parts: &Parts, matrix: &BlockMatrix) -> Multilevel {
     let (masses, worked_on) = (&*sheet.masses, &*vec![true; parts.count()]);
     constraints.update(&BlockSystem { parts, masses, worked_on, matrix, constraints: &Constrained(parts) });
     let mut levels = Multilevel::new(parts, matrix);
-    levels.prepare(parts, matrix, &PairTerms::default(), &constraints);
+    levels.prepare(parts, matrix, &PairTerms::default(), &constraints, &GhostDirections::default());
     levels
 }
 
@@ -109,9 +109,9 @@ fn levels_of_a_part_with_one_vertex_work() {
         let parts = sheet.parts(&Ranks::default());
         let matrix = sheet.matrix(&parts);
         let mut levels = Multilevel::new(&parts, &matrix);
-        levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts));
+        levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts), &GhostDirections::default());
         levels.parts_mut()[0].restrict(&vec![Simd4::from(&Vec3::x()); parts.own().len()]);
-        assert!(levels.solve(&parts) > 0.0);
+        assert!(levels.solve(&parts, &vec![0.0; parts.block_count()], 0.0).0 > 0.0);
     }
 }
 
@@ -120,6 +120,6 @@ fn levels_of_no_vertices_work() {
     let parts = Parts::new(Ranks::default(), Partition::default(), vec![0, 0], Vec::new(), Vec::new());
     let matrix = BlockMatrix::new(&parts, &|_, _| {});
     let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts));
-    assert_eq!(levels.solve(&parts), 0.0);
+    levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts), &GhostDirections::default());
+    assert_eq!(levels.solve(&parts, &vec![0.0; parts.block_count()], 0.0), (0.0, 0.0));
 }

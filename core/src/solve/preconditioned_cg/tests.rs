@@ -462,3 +462,21 @@ fn solutions_with_pairs_in_touch_are_the_same_bits_on_any_number_of_ranks() {
         assert!(together == expected, "{count} ranks");
     }
 }
+
+#[test]
+fn an_iteration_waits_twice_for_other_ranks() {
+    let sheet = Sheet::new(16, 30.0, 7);
+    let of_rank = |ranks: &Ranks| {
+        let system = SheetSystem::new(&sheet, ranks, What::Some);
+        let mut cg = system.solver();
+        set_pairs(&mut cg, &system.parts, &sheet);
+        cg.prepare(&system.blocks());
+        let before = ranks.sent();
+        let (outcome, _) = system.solve(&mut cg, &impulses(sheet.x.len()));
+        let after = ranks.sent();
+        // One step more than there are products; its exchange goes while its sums are joined.
+        assert_eq!(after.collectives - before.collectives, 2 * outcome.iterations as u64 + 1);
+        assert_eq!(after.exchanges - before.exchanges, outcome.iterations as u64 + 1);
+    };
+    LocalRanks::run(3, 1, |communicator| of_rank(&Ranks::new(communicator))).expect("no rank ends early");
+}

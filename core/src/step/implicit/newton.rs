@@ -42,16 +42,23 @@ impl StageSolver<'_> {
         self.arrays.solved_residual = solved;
     }
 
-    /// Adds the forces of pairs in touch where the stage stands to its residual, and takes the pairs into the matrix.
+    /// Adds the forces of pairs in touch where the stage stands to its residual.
     fn add_pairs(&mut self, stage: &StageEquation) {
-        let (share, weight) = (stage.share_of_pairs, stage.weight);
         self.evaluate_pairs(stage.fraction);
         let mut residual = std::mem::take(&mut self.arrays.residual);
-        self.add_pair_impulses(share * weight, &mut residual);
+        self.add_pair_impulses(stage.share_of_pairs * stage.weight, &mut residual);
         self.arrays.residual = residual;
-        if let Some(contact) = &self.repulsion {
-            let StageArrays { cg, pairs, .. } = &mut *self.arrays;
-            cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, weight]);
+    }
+
+    /// Takes the pairs into the matrix, if some rank has one.
+    fn set_pairs(&mut self, stage: &StageEquation, some_rank_has_one: bool) {
+        let StageArrays { cg, pairs, .. } = &mut *self.arrays;
+        match self.repulsion.as_deref().filter(|_| some_rank_has_one) {
+            Some(contact) => {
+                let factors = [stage.share_of_pairs, stage.weight];
+                cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, factors);
+            }
+            None => cg.pairs_mut().clear(),
         }
     }
 
@@ -60,17 +67,18 @@ impl StageSolver<'_> {
         self.at.parts.ranks().any(self.arrays.worked_on.contains(&true))
     }
 
-    /// The parts in which the last change of velocities was more than `far` [m/s].
-    pub(in crate::step) fn parts_moved(&self, far: f64) -> Vec<bool> {
-        let StageArrays { matrix, change, pairs, .. } = &*self.arrays;
-        let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes() });
+    /// The parts in which the last change of velocities was more than `far` [m/s], by a solve or by something else.
+    pub(in crate::step) fn parts_moved(&self, far: f64, was_solved: bool) -> Vec<bool> {
+        let StageArrays { matrix, change, pairs, cg, .. } = &*self.arrays;
+        let solution = was_solved.then(|| cg.pairs().velocities());
+        let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes(), solution });
         parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
     }
 
     /// The parts that touch something.
     fn parts_touched(&self) -> Vec<bool> {
         let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
-        let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes });
+        let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes, solution: None });
         parts_touched(self.at.parts, self.active, touch.as_ref())
     }
 
@@ -81,8 +89,10 @@ impl StageSolver<'_> {
         self.set_residual(stage);
         self.add_pairs(stage);
         let mut total = Outcome::NONE;
-        let is_touched = !(self.active.contacts().is_empty() && self.arrays.pairs.is_empty());
-        let in_contact = at.parts.ranks().any(is_touched);
+        let has_pairs = !self.arrays.pairs.is_empty();
+        let [has_pairs, on_bodies] = at.parts.ranks().any_of([has_pairs, !self.active.contacts().is_empty()]);
+        let in_contact = has_pairs || on_bodies;
+        self.set_pairs(stage, has_pairs);
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
         // No round changes which vertices are dragged.
@@ -121,7 +131,7 @@ impl StageSolver<'_> {
                 self.arrays.worked_on.fill(false);
                 break;
             }
-            let moved = self.parts_moved(CONVERGED * at.stop.tolerance);
+            let moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
             let modes_settled = !stage.positions_given || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && modes_settled;
@@ -132,8 +142,7 @@ impl StageSolver<'_> {
                 self.arrays.worked_on = moved;
                 break;
             }
-            self.next_round(stage, moved, (round == 1).then_some(rough));
-            if !self.has_work() {
+            if !self.next_round(stage, moved, (round == 1).then_some(rough)) {
                 break;
             }
         }
@@ -153,8 +162,8 @@ impl StageSolver<'_> {
         if at.parts.ranks().any(any) {
             // Pins decide where both hold.
             let prescription = at.with(self.active);
-            prescription.set_velocities(v, |_, _| ());
-            prescription.set_positions(fraction, start, x);
+            prescription.set_own_velocities(v, |_, _| ());
+            prescription.set_positions(fraction, start, [x, v]);
         }
     }
 
@@ -169,8 +178,8 @@ impl StageSolver<'_> {
 
     /// Prepares the next round: the forces and the matrix where a solve has come to, and modes of contacts that fit what they bear there.
     /// The round works on the parts that have moved far, and on those whose contacts are not settled; after a first, rough solve, which is
-    /// right to `rough` [m/s], on all that touch something.
-    fn next_round(&mut self, stage: &StageEquation, moved: Vec<bool>, rough: Option<f64>) {
+    /// right to `rough` [m/s], on all that touch something. Returns whether there is anything to work on.
+    fn next_round(&mut self, stage: &StageEquation, moved: Vec<bool>, rough: Option<f64>) -> bool {
         let (at, own) = (self.at, self.at.parts.own().start);
         let touched = self.parts_touched();
         self.turn(stage);
@@ -183,7 +192,7 @@ impl StageSolver<'_> {
         self.set_residual(stage);
         self.set_solved_residual(stage);
         self.add_pairs(stage);
-        let StageArrays { residual, solved_residual, v_start, v_inertial, x, worked_on, .. } = &mut *self.arrays;
+        let StageArrays { residual, solved_residual, v_start, v_inertial, x, worked_on, pairs, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
             if !stage.may_restart {
                 return Vec3::zeros();
@@ -200,10 +209,17 @@ impl StageSolver<'_> {
         // Modes that only a rough solve shows to be wrong are looked at again.
         let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: stage.settled };
         let unsettled = self.active.update(at.parts, (residual, solved_residual), trust, restart);
-        at.parts.halo().update(at.parts.ranks(), x);
+        // On its way while ranks agree whether they go on.
+        let restarted = (stage.may_restart && stage.feels_start).then(|| at.parts.halo().start(at.parts.ranks(), x));
         let next = moved.into_iter().zip(touched).zip(unsettled);
         for (worked_on, ((moved, touched), unsettled)) in worked_on.iter_mut().zip(next) {
             *worked_on &= moved || (rough.is_some() && touched) || unsettled;
         }
+        let [has_work, has_pairs] = at.parts.ranks().any_of([worked_on.contains(&true), !pairs.is_empty()]);
+        restarted.into_iter().for_each(|flight| flight.finish(x));
+        if has_work {
+            self.set_pairs(stage, has_pairs);
+        }
+        has_work
     }
 }

@@ -9,11 +9,14 @@ use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::repulsion::pair_forces::PairForce;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::parts::Parts;
+use crate::parallel::simd4::Simd4;
 
 /// Cloth that touches cloth, as parts see it.
 pub(super) struct PairsInTouch<'a> {
     pub(super) pairs: &'a [PairForce],
     pub(super) nodes: &'a ContactNodes,
+    /// Changes of velocity of nodes of cloth by a solve with these pairs [m/s], ghosts included; `None` if ghosts have yet to be told.
+    pub(super) solution: Option<&'a [Simd4]>,
 }
 
 impl PairsInTouch<'_> {
@@ -38,7 +41,8 @@ pub(super) fn parts_moved(
     touch: Option<&PairsInTouch<'_>>,
     (change, far): (&[Vec3], f64),
 ) -> Vec<bool> {
-    let is_far = |vertex: usize| change[vertex].norm_squared() > far * far;
+    let is_more = |change: &Vec3| change.norm_squared() > far * far;
+    let is_far = |vertex: usize| is_more(&change[vertex]);
     let with_elements = parts.ranges().iter().zip(matrix.parts()).map(|(range, rows)| {
         range.clone().any(is_far) || rows.outside_pairs().iter().any(|(_, other)| is_far(*other as usize))
     });
@@ -48,7 +52,14 @@ pub(super) fn parts_moved(
     for (node, vertex) in touch.nodes.own().zip(parts.own()) {
         far_nodes[node] = u8::from(is_far(vertex));
     }
-    touch.nodes.update(&mut far_nodes);
+    match touch.solution {
+        Some(solution) => {
+            for ghost in touch.nodes.ghost_places() {
+                far_nodes[ghost] = u8::from(solution.get(ghost).is_some_and(|change| is_more(&Vec3::from(*change))));
+            }
+        }
+        None => touch.nodes.update(&mut far_nodes),
+    }
     let with_pairs = touch.parts_with(parts, |node| far_nodes.get(node) == Some(&1));
     moved.iter_mut().zip(with_pairs).for_each(|(moved, other)| *moved |= other);
     moved

@@ -26,6 +26,16 @@ impl Prescription<'_> {
         v: &mut [Vec3],
         of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync,
     ) {
+        self.set_own_velocities(v, of_contact);
+        self.parts.halo().update(self.parts.ranks(), v);
+    }
+
+    /// The same of own vertices alone.
+    pub(in crate::step) fn set_own_velocities(
+        &self,
+        v: &mut [Vec3],
+        of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync,
+    ) {
         self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
             let start = self.parts.ranges()[part].start;
             self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));
@@ -34,11 +44,11 @@ impl Prescription<'_> {
             }
             stop_held(self.held, start, v.0);
         });
-        self.parts.halo().update(self.parts.ranks(), v);
     }
 
-    /// Gives the positions that are prescribed at a fraction of the step that began at `x`.
-    pub(in crate::step) fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
+    /// Gives own vertices the positions that are prescribed at a fraction of the step that began at `x`, and ghosts the positions and
+    /// velocities of their owners.
+    pub(in crate::step) fn set_positions(&self, fraction: f64, x: &[Vec3], [x_stage, v_stage]: [&mut Vec<Vec3>; 2]) {
         self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
             let range = self.parts.ranges()[part].clone();
             for contact in self.active.of_part(part) {
@@ -50,7 +60,7 @@ impl Prescription<'_> {
                 pins.set_stage_positions(part, start, self.targets, speed, fraction, (&x[range], x_stage.0));
             }
         });
-        self.parts.halo().update(self.parts.ranks(), x_stage);
+        self.parts.halo().update_all(self.parts.ranks(), &mut [x_stage, v_stage]);
     }
 }
 

@@ -53,11 +53,11 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
         *v = start + at.extrapolated(a * (GAMMA * at.dt), ALPHA);
     }
     let prescription = at.with(solver.active);
-    prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, at.dt)));
+    prescription.set_own_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, at.dt)));
     for (((x, start), v_start), v) in x.iter_mut().zip(&at.start.x).zip(&*v_start).zip(&*v) {
         *x = start + (v_start + v) * stage.weight;
     }
-    prescription.set_positions(GAMMA, &at.start.x, x);
+    prescription.set_positions(GAMMA, &at.start.x, [x, v]);
     solver.linearise(&stage);
     let v_start = &solver.arrays.v_start;
     let earlier = |vertex: usize| (v_start[vertex] - at.start.v[vertex]) * at.masses[vertex];
@@ -66,7 +66,7 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let StageArrays { v_start, v_first, x, v, .. } = &mut *solver.arrays;
     v_first.copy_from_slice(v);
     // Where contacts changed their modes, the start is another one than ghosts know.
-    [v_start, x].into_iter().for_each(|ghosted| at.parts.halo().update(at.parts.ranks(), ghosted));
+    at.parts.halo().update_all(at.parts.ranks(), &mut [v_start, x]);
     outcome
 }
 
@@ -80,12 +80,12 @@ pub(super) fn second_stage(solver: &mut StageSolver<'_>) -> Outcome {
         *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA), ALPHA);
     }
     let prescription = at.with(solver.active);
-    prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
+    prescription.set_own_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
     for ((x, start), v) in x.iter_mut().zip(&at.start.x).zip(&*v) {
         // w x₁ − u x, such that what does not move stays where it is to the last bit.
         *x = start + (*x - start) * W + v * stage.weight;
     }
-    prescription.set_positions(1.0, &at.start.x, x);
+    prescription.set_positions(1.0, &at.start.x, [x, v]);
     solver.linearise(&stage);
     // Of a constant reaction this stage has half of what the first one had.
     solver.active.begin_stage(0.5, |_| Vec3::zeros());
@@ -120,7 +120,7 @@ pub(super) fn second_stage_again(
     solver.active.add(at.parts, met);
     at.parts.halo().update(at.parts.ranks(), &mut solver.arrays.change);
     // What only rounding moves was not moved.
-    let moved = solver.parts_moved(f64::EPSILON.sqrt() * at.stop.tolerance);
+    let moved = solver.parts_moved(f64::EPSILON.sqrt() * at.stop.tolerance, false);
     for (part, (worked_on, moved)) in solver.arrays.worked_on.iter_mut().zip(moved).enumerate() {
         *worked_on |= moved || !solver.active.of_part(part).is_empty();
     }

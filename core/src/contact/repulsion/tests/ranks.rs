@@ -71,7 +71,7 @@ impl Heap {
                     });
                 }
             }
-            of_kind.order = Order::of(&mut of_kind.oriented, &nodes, |s| s.pair.nodes);
+            [of_kind.order] = Order::of([&mut of_kind.oriented], &nodes, |s| s.pair.nodes);
             of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         (nodes, repulsions)
@@ -87,7 +87,7 @@ impl Heap {
         let own_supports =
             |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.constraints[*n] } else { [None; 2] };
         let mut constraints: Vec<BodyConstraints> = numbers.iter().enumerate().map(own_supports).collect();
-        tell_ghosts(&nodes, &mut constraints);
+        tell_ghosts(&nodes, &mut constraints, &mut v.clone());
         let mut metrics = Metrics::default();
         for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
             let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
