@@ -7,7 +7,6 @@ use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use crate::solve::block_system::{BlockSystem, Projection};
-use crate::solve::ghost_directions::GhostRow;
 
 /// The projections of the vertices that are constrained.
 #[derive(Debug)]
@@ -89,17 +88,17 @@ impl Constraints {
         });
     }
 
-    /// The projections of all local vertices; `ghosts` knows those of other ranks.
-    pub(super) fn of_local_vertices<'a>(
+    /// The projections of all local vertices; `ghosts` are those of ghosts, by unit vectors.
+    pub(super) fn of_local_vertices(
         &self,
         parts: &Parts,
-        ghosts: impl Iterator<Item = (usize, &'a GhostRow)>,
+        ghosts: impl Iterator<Item = (usize, [Vec3; 3])>,
     ) -> LocalProjections {
         let mut all = LocalProjections { places: vec![0; parts.local_count()], blocks: Vec::new() };
         for (range, list) in parts.ranges().iter().zip(&self.parts) {
             list.iter().for_each(|constrained| all.insert(range.start + constrained.vertex, &constrained.columns));
         }
-        ghosts.filter(|(_, row)| row.columns != FREE).for_each(|(ghost, row)| all.insert(ghost, &row.columns));
+        ghosts.filter(|(_, columns)| *columns != FREE).for_each(|(ghost, columns)| all.insert(ghost, &columns));
         all
     }
 

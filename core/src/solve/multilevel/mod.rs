@@ -93,7 +93,8 @@ impl Multilevel {
         ghosts: &GhostDirections,
     ) {
         let ranks = parts.ranks();
-        let projections = constraints.of_local_vertices(parts, ghosts.local_rows());
+        let projections =
+            constraints.of_local_vertices(parts, ghosts.local_rows().map(|(ghost, row)| (ghost, row.columns)));
         let around = pairs.nodes_around(parts, &self.nodes, &projections, ghosts.node_rows());
         let mut of_pairs: Vec<Vec<([u32; 2], Matrix3<f64>)>> = vec![Vec::new(); parts.count()];
         parts.for_each((PerPart(&mut self.parts), PerPart(&mut of_pairs)), &|part, (aggregates, of_pairs)| {
