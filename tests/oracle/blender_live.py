@@ -218,6 +218,9 @@ def curves():
     bpy.ops.object.drapery_pin_add()
     pin = own.pins[0]
     pin.group, pin.hold, pin.released, pin.release = "one", "FIXED", True, 5
+    group(cloth, "pocket ü", range(12))
+    of_part = own.contacts.add()
+    of_part.other, of_part.group, of_part.ignore = cloth, "pocket ü", True
     whole.also_h5, whole.attributes = True, {"strain", "normals"}
     save()
     answer = {"planned": press("plan"), "lines": view().lines, "scene": (FOLDER / "drapery" / "scene.toml").read_text()}

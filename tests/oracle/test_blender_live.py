@@ -283,7 +283,9 @@ def test_keyframes_become_numbers_over_time(curves):
     bending = cloth["dihedral_bending"]["stiffness"]
     assert [frame for frame, _ in bending] == list(range(1, 11)) and all(text.endswith(" µN·m") for _, text in bending)
     np.testing.assert_allclose([float(text.split()[0]) for _, text in bending], 20.0 - 18.0 * (3 * t**2 - 2 * t**3), rtol=1e-4)
-    (rule,) = scene["contact"]
+    rule, of_part = scene["contact"]
+    assert of_part == {"between": ["garment.cloth.pocket__", "garment.cloth"], "ignore": True}
+    assert [part["name"] for part in cloth["part"]] == ["pocket__"]
     assert rule["between"] == ["garment.cloth", "garment.lining"] and "friction" not in rule
     assert [text for _, text in rule["thickness"]] == 4 * ["2 mm"] + 6 * ["1 mm"]
     # Keys of one value, and curves that are muted, are plain numbers.

@@ -62,8 +62,10 @@ def scene_in(folder, parts, **changes):
     surface = text.Seam(("cape", "coat"), "surface", [(1001, 100.0), (1002, 50.0)], keep_gap=True, break_force=2.5), [[0, 3], None]
     seam = text.Seam(("cape", "coat"), None, 321.5, -0.5, 1.25, 2.0, 2.5, True), [[3, 2], [0, 1]]
     nearest = text.Seam(("coat", "coat"), "nearest", 400.0), [[0], [2]]
-    contact = text.Contact((("garment", "coat"), ("body", "floor")), True)
-    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest, surface], [contact])
+    contacts = [text.Contact((("garment", "coat"), ("body", "floor")), True),
+                text.Contact((("garment", "coat", "pocket"), ("garment", "coat")), False, 0.2)]
+    coat.parts = [text.Part("pocket", "pins.txt")]
+    written = text.scene_text(shot, [floor], [coat, cape], [seam, nearest, surface], contacts)
     (folder / text.SCENE_FILE).write_text(written)
     return written
 
@@ -98,7 +100,9 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert (sewn["strength"], sewn["start"], sewn["closed"]) == ("321.5 N/m", "-0.5 s", "1.25 s")
     assert (sewn["opens"], sewn["opened"], sewn["zip"]) == ("2 s", "2.5 s", True) and "opens" not in nearest and not nearest["zip"]
     assert nearest["pairing"] == "nearest"
-    assert [(rule["between"], rule["ignore"]) for rule in resolved["contact"]] == [(["garment.coat", "body.floor"], True)]
+    assert [(rule["between"], rule.get("ignore"), rule.get("friction")) for rule in resolved["contact"]] == [
+        (["garment.coat", "body.floor"], True, None), (["garment.coat.pocket", "garment.coat"], None, 0.2)]
+    assert [part["name"] for part in coat["part"]] == ["pocket"]
     assert {"seams", "elastic_bands", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
 
 

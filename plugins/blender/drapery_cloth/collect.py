@@ -15,6 +15,7 @@ from .scene_text import (
     Contact,
     Garment,
     Map,
+    Part,
     Pin,
     RenderMesh,
     Belt,
@@ -98,6 +99,12 @@ def largest_strain(own):
 def hundredth(value):
     """Per cent as a share, of a number or of a curve."""
     return [(frame, each / 100) for frame, each in value] if isinstance(value, list) else value / 100
+
+
+def part_of_other(rule):
+    """The vertex group of the other garment that a rule of contact is for; bodies have no parts."""
+    is_garment = rule.other is not None and rule.other.drapery.role == "GARMENT"
+    return rule.other_group if is_garment else ""
 
 
 def upright(vector):
@@ -226,14 +233,15 @@ class Collected:
         for rule in thing.drapery.contacts:
             other = rule.other
             what = f'"{thing.name}": a rule of contact'
-            again = sum(other == each.other for each in thing.drapery.contacts) > 1
+            sides = (thing, rule.group), (other, part_of_other(rule))
+            again = sum(sides == ((thing, each.group), (each.other, part_of_other(each))) for each in thing.drapery.contacts) > 1
             if other is None:
                 self.say(f"{what} is with no object", "choose a garment or a body, or remove the rule", thing)
             elif other not in [*self.garments, *self.bodies]:
                 self.say(f'{what} is with "{other.name}", which is neither a garment nor a body of this scene',
                          "mark it as one, choose another, or remove the rule", thing)
             elif again or (other in self.garments and other != thing and thing.name > other.name
-                           and any(each.other == thing for each in other.drapery.contacts)):
+                           and any(((each.other, part_of_other(each)), (other, each.group)) == sides for each in other.drapery.contacts)):
                 self.say(f'{what} with "{other.name}" is there twice', "remove one of them", thing)
             elif not (rule.ignore or rule.own_friction or rule.own_thickness):
                 self.say(f'{what} with "{other.name}" says nothing', "choose Ignore, Friction or Thickness, or remove the rule", thing)
@@ -354,9 +362,21 @@ class Collected:
         return Body(name, file, pose, *(self.value(own, key) if getattr(own, f"own_{key}") else None for key in ("thickness", "friction")))
 
     def contact(self, thing, rule):
-        other = rule.other.drapery.role.lower(), plain_name(rule.other.name)
+        own = "garment", plain_name(thing.name), *self.part_names(rule.group)
+        other = rule.other.drapery.role.lower(), plain_name(rule.other.name), *self.part_names(part_of_other(rule))
         numbers = [self.value(rule, key) if getattr(rule, f"own_{key}") and not rule.ignore else None for key in ("friction", "thickness")]
-        return Contact((("garment", plain_name(thing.name)), other), rule.ignore, *numbers)
+        return Contact((own, other), rule.ignore, *numbers)
+
+    @staticmethod
+    def part_names(group):
+        """The name of the part of a garment that a vertex group is, as a list; none without a group."""
+        return [plain_name(group)] if group else []
+
+    def groups_in_contact(self, thing):
+        """Vertex groups of a garment that rules of contact name, each once, in the order of the rules."""
+        rules = [(other, rule) for other in self.garments for rule in other.drapery.contacts]
+        own = [rule.group for other, rule in rules if other == thing]
+        return list(dict.fromkeys(filter(None, own + [part_of_other(rule) for _, rule in rules if rule.other == thing])))
 
     def garment(self, thing, first, rate):
         own, name = thing.drapery, plain_name(thing.name)
@@ -385,6 +405,7 @@ class Collected:
             garment.pins.append(Pin(written("GROUP", pin.group, True), body and plain_name(body.name),
                                     self.value(pin, "stiffness") if pin.hold == "SPRING" else None,
                                     float((pin.release - first) / rate) if pin.released else None))
+        garment.parts = [Part(plain_name(group), written("GROUP", group, True)) for group in self.groups_in_contact(thing)]
         for band in own.elastics:
             numbers = self.value(band, "stiffness"), hundredth(self.value(band, "relaxed"))
             garment.elastics.append(Elastic(written("GROUP", band.group, True), *numbers))

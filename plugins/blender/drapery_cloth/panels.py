@@ -152,6 +152,9 @@ class VIEW3D_PT_drapery_contact(OwnRows, Panel, bpy.types.Panel):
             row = box.row()
             row.prop(rule, "other", text="")
             remove_button(row, "contacts", index)
+            box.prop_search(rule, "group", context.object, "vertex_groups")
+            if rule.other is not None and rule.other.drapery.role == "GARMENT":
+                box.prop_search(rule, "other_group", rule.other, "vertex_groups")
             box.prop(rule, "ignore")
             if not rule.ignore:
                 self.own(box, rule, "friction")

@@ -102,11 +102,22 @@ class Garment:
     pressure: tuple | None = None
     rest_scale: object = None
     elastics: list = field(default_factory=list)
+    parts: list = field(default_factory=list)
+
+
+@dataclass
+class Part:
+    """A part of a garment, for rules of contact: vertices where the numbers in `file` are above one half."""
+
+    name: str
+    file: str
 
 
 @dataclass
 class Contact:
-    """A rule of contact between two objects, each a kind, garment or body, and a name; `thickness` in mm. Numbers may be curves."""
+    """A rule of contact between two objects, each a kind, garment or body, a name, and for a part of a garment the part's name;
+    `thickness` in mm. Numbers may be curves.
+    """
 
     between: tuple
     ignore: bool = False
@@ -338,6 +349,8 @@ def garment_lines(garment, has_layer=False):
         if pin.until is not None:
             lines.append(f'until = "{pin.until:.9g} s"')
         lines.append("")
+    for part in garment.parts:
+        lines += ["[[garment.part]]", f"name = {quoted(part.name)}", f"map = {quoted('file:' + part.file)}", ""]
     for band in garment.elastics:
         lines += ["[[garment.elastic]]", f"map = {quoted('file:' + band.file)}", f"stiffness = {quantity(band.stiffness, 'N')}"]
         lines += [f"rest_scale = {quantity(band.rest_scale)}", ""]

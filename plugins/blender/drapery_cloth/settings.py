@@ -188,6 +188,8 @@ class DraperyContact(bpy.types.PropertyGroup):
 
     other: PointerProperty(name="With", type=bpy.types.Object, poll=takes_part,
                            description="A garment or a body; the garment itself, for its own layers")
+    group: StringProperty(name="Part", description="Vertex group of this garment that the rule is for, such as a pocket; empty, all of it")
+    other_group: StringProperty(name="Part of the Other", description="Vertex group of the other garment; empty, all of it, or the rest of this one")
     ignore: BoolProperty(name="Ignore", description="The two pass through each other, such as a coat and the lining that it is sewn to")
     own_friction: BoolProperty(name="Friction", description="Instead of that of the body, or of Self Collision between cloth and cloth")
     friction: FloatProperty(name="", default=0.3, min=0.0, max=100.0, description="Coulomb friction between the two; may be keyframed")
