@@ -17,7 +17,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "self_collision",
-    summary: "cloth never passes through cloth, nor through the edges and faces of bodies",
+    summary: "cloth never passes through cloth, nor through meshes, boxes and cylinders",
     scope: Scope::Scene,
     example: "[self_collision]",
     fields: &[Field {

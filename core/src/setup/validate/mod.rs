@@ -57,7 +57,7 @@ impl Scene {
         let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
         let mut scene = handed.finish(ranks).derive();
-        scene.shape_meshes = Arc::new(shape_meshes(&scene));
+        scene.shape_meshes = Arc::new(shape_meshes(&scene.description));
         agree(ranks, check_isolated(&scene.description, &scene.parts, &scene.sewn, scene.isolated()))?;
         scene.settle_origin();
         Ok(scene)
