@@ -172,14 +172,13 @@ def steps():
     photograph("planned")
     press("scene", "drapery_write")
     yield "work"
-    # Into the body: a problem to go to.
+    # Into the body: something to go to.
     skirt.data.vertices[5].co = (0.0, 0.0, 0.6)
-    press("scene", "drapery_simulate")
+    press("scene", "drapery_check")
     yield "work"
     photograph("problem")
-    found = view().problems[0]
-    press("scene", "drapery_show", thing=found.object or "", frame=FIRST + 3, has_frame=True, element=found.element or "vertex",
-          index=5 if found.index is None else found.index)
+    found = next(problem for problem in view().problems if problem.element)
+    press("scene", "drapery_show", thing=found.object, frame=FIRST + 3, has_frame=True, element=found.element, index=found.index)
     bpy.ops.object.mode_set(mode="OBJECT")
     answer["shown"] = [bpy.context.view_layer.objects.active.name, scene.frame_current, [v.index for v in skirt.data.vertices if v.select]]
     skirt.data.vertices[5].co = (0.25 * math.cos(5 / 16 * math.pi), 0.25 * math.sin(5 / 16 * math.pi), 0.5)
