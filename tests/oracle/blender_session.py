@@ -55,8 +55,8 @@ def session(folder, drapery):
     (folder / "scripts" / "addons").mkdir(parents=True)
     _, archive = package("--without-solver", folder)
     exporter = exporter_in(folder)
-    command = ["xvfb-run", "-a", "-s", "-screen 0 900x2900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
-               "2900", "--python", str(HERE / "blender_window.py"), "--", str(folder), str(archive),
+    command = ["xvfb-run", "-a", "-s", "-screen 0 900x3000x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
+               "3000", "--python", str(HERE / "blender_window.py"), "--", str(folder), str(archive),
                drapery, str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}  # fmt: skip

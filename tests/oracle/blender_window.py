@@ -177,7 +177,7 @@ def steps():
     press("scene", "drapery_check")
     yield "work"
     photograph("problem")
-    found = next(problem for problem in view().problems if problem.element == "vertex")
+    found = next(problem for problem in view().problems if "inside body" in problem.message)
     press("scene", "drapery_show", thing=found.object, frame=FIRST + 3, has_frame=True, element=found.element, index=found.index)
     bpy.ops.object.mode_set(mode="OBJECT")
     answer["shown"] = [bpy.context.view_layer.objects.active.name, scene.frame_current, [v.index for v in skirt.data.vertices if v.select]]

@@ -101,7 +101,7 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     assert (sewn["opens"], sewn["opened"], sewn["zip"]) == ("2 s", "2.5 s", True) and "opens" not in nearest and not nearest["zip"]
     assert nearest["pairing"] == "nearest"
     assert [(rule["between"], rule.get("ignore"), rule.get("friction")) for rule in resolved["contact"]] == [
-        (["garment.coat", "body.floor"], True, None), (["garment.coat.pocket", "garment.coat"], None, 0.2)]
+        (["garment.coat", "body.floor"], True, None), (["garment.coat.pocket", "garment.coat"], False, 0.2)]
     assert [part["name"] for part in coat["part"]] == ["pocket"]
     assert {"seams", "elastic_bands", "gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
 

@@ -245,14 +245,16 @@ def scene_text(shot, bodies, garments, seams=(), contacts=(), belts=()):
     for belt in belts:
         lines += belt_lines(belt)
     has_layers = len({garment.order for garment in garments}) > 1
+    # Without self collision garments pass through each other anyway.
+    contacts = [contact for contact in contacts if shot.self_contact or contact.between[1][0] == "body"]
+    in_contact = {side[1:] for contact in contacts for side in contact.between}
     for garment in sorted(garments, key=lambda garment: garment.order):
-        lines += garment_lines(garment, has_layers)
+        parts = [part for part in garment.parts if (garment.name, part.name) in in_contact]
+        lines += garment_lines(garment, has_layers, parts)
     for seam, vertices in seams:
         lines += seam_lines(seam, vertices)
     for contact in contacts:
-        # Without self collision garments pass through each other anyway.
-        if shot.self_contact or contact.between[1][0] == "body":
-            lines += contact_lines(contact)
+        lines += contact_lines(contact)
     return "\n".join(lines)
 
 
@@ -309,7 +311,7 @@ def belt_lines(belt):
             f"belt = {{ around = {quoted(belt.around)}, at = [{at}], axis = [{axis}], {lengths} }}", ""]
 
 
-def garment_lines(garment, has_layer=False):
+def garment_lines(garment, has_layer=False, parts=()):
     lines = ["[[garment]]", f"name = {quoted(garment.name)}", f"rest = {quoted(garment.file)}"]
     lines.append(f"material = {quoted(garment.material)}")
     if has_layer:
@@ -349,7 +351,7 @@ def garment_lines(garment, has_layer=False):
         if pin.until is not None:
             lines.append(f'until = "{pin.until:.9g} s"')
         lines.append("")
-    for part in garment.parts:
+    for part in parts:
         lines += ["[[garment.part]]", f"name = {quoted(part.name)}", f"map = {quoted('file:' + part.file)}", ""]
     for band in garment.elastics:
         lines += ["[[garment.elastic]]", f"map = {quoted('file:' + band.file)}", f"stiffness = {quantity(band.stiffness, 'N')}"]
