@@ -276,7 +276,7 @@ def problems(folder):
     scene.frame_set(LAST)
     answer["inside"] = said(press("check"))
     results.append(f"inside {view().result}")
-    found = next(problem for problem in view().problems if "inside body" in problem.message)
+    found = next(problem for problem in view().problems if problem.element == "vertex" and problem.index == 7)
     bpy.ops.scene.drapery_show(thing=found.object, frame=found.frame or FIRST, has_frame=True, element=found.element, index=found.index)
     bpy.ops.object.mode_set(mode="OBJECT")
     matrix = np.array(skirt.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
