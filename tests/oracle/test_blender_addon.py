@@ -157,7 +157,7 @@ def problems(tmp_path_factory, drapery):
         ("exported", "its modifiers: Armature, Subdivision, Shrinking"),
         ("exported", '"Skirt.001" has no attribute "weight of nothing"'),
         ("exported", 'no vertex of vertex group "waist ☺" is above one half'),
-        ("inside", 'Skirt.001|None|vertex|7|garment "Skirt.001", vertex 7'),
+        ("inside", "Skirt.001|None|vertex|7|1 of its vertices start inside body"),
         ("no_folder", "Not a directory|make room on the disk, or choose a folder that can be written"),
         ("read_only", "/sys/drapery: "),
         ("one_folder", 'The scene "Scene 2" has the same folder'),

@@ -82,8 +82,11 @@ def warnings_of(answer):
     found = []
     for warning in json.loads(answer)["warnings"]:
         name, frame, kind, index = place_of(warning["message"])
-        # The place stands in the message, or beside it as the name alone or in words.
-        beside = place_of(warning["object"])[0] or warning["object"] or None
+        # The place stands in the message, or beside it as the name alone or in words, which are exact where they have an element.
+        beside, at, of, number = place_of(warning["object"])
+        if of is not None:
+            name, frame, kind, index = beside, at, of, number
+        beside = beside or warning["object"] or None
         found.append(Problem(warning["message"], warning["line"] and f"to silence it: {warning['line']}", name or beside,
                              frame, kind, index, True))
     return found
