@@ -12,9 +12,12 @@ pub(crate) fn shape_meshes(description: &SceneDescription) -> Vec<Option<ShapeMe
     let has = |holds: &dyn Fn(&str) -> bool| description.effects.iter().any(|request| holds(&request.effect));
     let touches = has(&|effect| effect == collision::SECTION.name);
     let in_pairs = has(&|effect| registry::find(effect).is_some_and(|spec| spec.needs.contains(&Need::PairList)));
+    if !(touches && in_pairs) {
+        return vec![None; description.bodies.len()];
+    }
     let of_body = |(number, body): (usize, &BodyDescription)| {
         let BodyShape::Rigid(shape) = &body.shape else { return None };
-        shape.mesh(smallest_thickness(description, number)).filter(|_| touches && in_pairs)
+        shape.mesh(smallest_thickness(description, number))
     };
     description.bodies.iter().enumerate().map(of_body).collect()
 }
