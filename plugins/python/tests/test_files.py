@@ -108,8 +108,26 @@ def test_what_a_file_holds(tmp_path: Path) -> None:
     assert "Alembic" in found.format and mesh.path == "/cloth/clothShape"
     assert (mesh.points, mesh.faces, mesh.samples, mesh.problem) == (4, (0, 1, 0), 3, None)
     assert mesh.bounds == ([0.0, 0.25, 0.0], [1.0, 0.25, 1.5]) and not mesh.velocities
+    assert mesh.normals == "no" and not found.channels
     with pytest.raises(drapery.InputError):
         drapery.info(tmp_path / "none.abc")
+
+
+CONTROL = """#usda 1.0
+def "control"
+{
+    custom double slip.timeSamples = { 1: 0.5, 3: 0.25 }
+    custom double3 fall.timeSamples = { 1: (0, -9.8, 0), 2: (0, 0, 0), 3: (0, 9.8, 0) }
+    custom double still = 1.5
+}
+"""
+
+
+def test_channels_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "control.usda").write_text(CONTROL)
+    channels = sorted(drapery.info(tmp_path / "control.usda").channels, key=lambda channel: channel.channel)
+    fall, slip = drapery.ChannelInfo("/control.fall", 3, 3), drapery.ChannelInfo("/control.slip", 1, 2)
+    assert channels == [fall, slip], "a number that stands still is no channel"
 
 
 def test_a_run_has_a_report_and_a_short_repr(tmp_path: Path) -> None:

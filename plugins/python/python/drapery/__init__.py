@@ -26,6 +26,7 @@ from ._errors import (
 )
 from ._files import (
     ArrayDifference,
+    ChannelInfo,
     Conversion,
     Difference,
     FileDifference,
@@ -48,6 +49,7 @@ __all__ = [
     "Cache",
     "CacheMesh",
     "CacheWriter",
+    "ChannelInfo",
     "Conversion",
     "Difference",
     "DraperyError",

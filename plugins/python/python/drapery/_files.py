@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from . import _native
 from ._arrays import PathLike
@@ -242,12 +242,26 @@ class MeshInfo:
     """Name of the texture coordinates and the number of their values."""
     face_sets: dict[str, int]
     """Face sets and their number of faces."""
+    normals: Literal["no", "smooth", "split"]
+    """Normals of the first sample: none, the same for all faces at a point, or several at the points of hard edges."""
     attributes: list[str]
     """Names of other attributes."""
     velocities: bool
     """Whether velocities are stored."""
     problem: str | None
     """Why it cannot be read, if so; the rest is then empty."""
+
+
+@dataclass(frozen=True)
+class ChannelInfo:
+    """A property of one number or of three that changes over time, which a number of a scene can follow."""
+
+    channel: str
+    """Path of the object and name of the property, as a scene writes them: ``/control.slip``."""
+    numbers: int
+    """Numbers of a sample."""
+    samples: int
+    """Number of samples."""
 
 
 @dataclass(frozen=True)
@@ -262,13 +276,16 @@ class FileInfo:
     """Its meshes."""
     others: dict[str, str]
     """Objects that are no meshes: path and kind."""
+    channels: list[ChannelInfo]
+    """Numbers that change over time."""
 
 
 def info(path: PathLike) -> FileInfo:
     """Content of a mesh or cache file, as ``drapery info`` says. Raises InputError if it is missing or cannot be read."""
     found = json.loads(_native.info(os.fspath(path)))
     meshes = [MeshInfo(**_tuples(mesh)) for mesh in found["meshes"]]
-    return FileInfo(found["format"], dict(found["properties"]), meshes, dict(found["others"]))
+    channels = [ChannelInfo(**channel) for channel in found["channels"]]
+    return FileInfo(found["format"], dict(found["properties"]), meshes, dict(found["others"]), channels)
 
 
 def _tuples(mesh: dict[str, Any]) -> dict[str, Any]:
