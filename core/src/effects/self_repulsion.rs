@@ -33,7 +33,8 @@ friction = 0.5",
             dimension: Dimension::None,
             default: Default::Number(0.4),
             range: (0.0, 100.0),
-            help: "Coulomb friction between cloth and cloth; Selle et al. (2009) use 0.4 to 3.2",
+            help: "Coulomb friction between cloth and cloth; left out, the mean of the materials of both, with 0.4 for cloth \
+                   without one; Selle et al. (2009) use 0.4 to 3.2",
         },
         Field {
             name: "thickness_clamp",

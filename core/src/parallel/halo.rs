@@ -28,13 +28,18 @@ pub(crate) trait GhostedArray {
     fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>);
 }
 
+/// Appends the values of these vertices.
+fn put_values<T: Pod>(values: &[T], list: &[u32], message: &mut Vec<u8>) {
+    list.iter().for_each(|vertex| message.extend_from_slice(bytemuck::bytes_of(&values[*vertex as usize])));
+}
+
 impl<T: Pod> GhostedArray for &mut [T] {
     fn row(&self) -> usize {
         size_of::<T>()
     }
 
     fn put(&self, list: &[u32], message: &mut Vec<u8>) {
-        list.iter().for_each(|vertex| message.extend_from_slice(bytemuck::bytes_of(&self[*vertex as usize])));
+        put_values(self, list, message);
     }
 
     fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>) {
@@ -49,7 +54,7 @@ impl<T: Pod> GhostedArray for Vec<T> {
     }
 
     fn put(&self, list: &[u32], message: &mut Vec<u8>) {
-        list.iter().for_each(|vertex| message.extend_from_slice(bytemuck::bytes_of(&self[*vertex as usize])));
+        put_values(self, list, message);
     }
 
     fn take(&mut self, ghosts: Range<usize>, message: &mut Decoder<'_>) {

@@ -37,6 +37,7 @@ mod maps;
 mod material_files;
 mod memory;
 mod mesh_files;
+mod pair_friction;
 mod parameters;
 mod pins;
 mod presets;

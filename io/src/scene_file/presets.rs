@@ -13,6 +13,7 @@ use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
 use super::file_names;
 use super::material_files;
+use super::pair_friction;
 use super::tree::{Node, Origin, Place, Sources, Table, Value};
 
 /// Fills in what the presets and the materials in `folders` say, wherever the scene does not say it itself. Returns the
@@ -27,7 +28,7 @@ pub(super) fn fill(
 ) -> Result<(Vec<Option<Fabric>>, Vec<PathBuf>), SceneFileError> {
     fill_solver(root);
     let (used, files) = fill_materials(root, sources, folders)?;
-    fill_contacts(root, &used);
+    pair_friction::fill(root, &used);
     fill_bodies(root, &used);
     let fabric = |material: &Material| {
         let Material { name, friction, strain_limit, .. } = material;
@@ -163,83 +164,6 @@ fn fill_effect<'a>(
             table.fill(key, Value::Float(value), place, origin.clone());
         }
     }
-}
-
-/// Friction of each garment on bodies that do not say theirs, as rules of contact: that of the garment's own material, where it is not the
-/// largest of all, which bodies get.
-fn fill_contacts(root: &mut Node, used: &[Option<Cow<'static, Material>>]) {
-    let Some(largest) = used.iter().flatten().map(|material| material.friction).max_by(f64::total_cmp) else { return };
-    let Some(table) = root.as_table() else { return };
-    let is_without_friction = |body: &&Node| body.as_table().is_some_and(|body| body.get("friction").is_none());
-    let bodies: Vec<(String, Place)> =
-        items(table, "body").iter().filter(is_without_friction).filter_map(named).collect();
-    let garments = items(table, "garment").iter().map(named).zip(used);
-    let fabrics: Vec<(String, &Material)> = garments
-        .filter_map(|(garment, material)| Some((garment?.0, material.as_deref()?)))
-        .filter(|(_, material)| material.friction != largest)
-        .collect();
-    let both = |name: &str| {
-        let is_called = |key: &str| items(table, key).iter().filter_map(named).any(|(other, _)| other == name);
-        is_called("garment") && is_called("body")
-    };
-    let full = |kind: &str, name: &str| if both(name) { format!("{kind}.{name}") } else { name.to_owned() };
-    let mut rules = Vec::new();
-    for (garment, material) in &fabrics {
-        for (body, place) in &bodies {
-            let names = [full("garment", garment), full("body", body)];
-            rules.push((names, material.friction, Origin::Material(material.name.to_string()), place.clone()));
-        }
-    }
-    rules
-        .into_iter()
-        .for_each(|(names, friction, origin, place)| fill_contact(root, names, friction, (&place, origin)));
-}
-
-/// Fills the friction of two objects into their rule, or adds one.
-fn fill_contact(root: &mut Node, names: [String; 2], friction: f64, (place, origin): (&Place, Origin)) {
-    let Some(table) = root.as_table_mut() else { return };
-    let node = |value: Value| Node { value, place: place.clone(), origin: origin.clone() };
-    table.fill("contact", Value::Array(Vec::new()), place, origin.clone());
-    let Some(Node { value: Value::Array(rules), .. }) = table.get_mut("contact") else { return };
-    let is_theirs = |rule: &&mut Node| {
-        let between = rule.as_table().and_then(|rule| rule.get("between"));
-        let Some(Node { value: Value::Array(between), .. }) = between else { return false };
-        let found: Vec<&str> = between.iter().filter_map(Node::as_text).map(unqualified).collect();
-        let wanted = names.each_ref().map(|name| unqualified(name));
-        found == wanted || (found.len() == 2 && [found[1], found[0]] == wanted)
-    };
-    if let Some(rule) = rules.iter_mut().find(is_theirs) {
-        let Some(rule) = rule.as_table_mut() else { return };
-        let ignores = matches!(rule.get("ignore"), Some(Node { value: Value::Boolean(true), .. }));
-        if !ignores {
-            rule.fill("friction", Value::Float(friction), place, origin);
-        }
-        return;
-    }
-    let mut rule = Table::default();
-    let between = names.into_iter().map(|name| node(Value::Text(name))).collect();
-    rule.fill("between", Value::Array(between), place, origin.clone());
-    rule.fill("friction", Value::Float(friction), place, origin.clone());
-    rules.push(node(Value::Table(rule)));
-}
-
-/// A name without the kind of its object.
-fn unqualified(name: &str) -> &str {
-    ["garment.", "body."].iter().find_map(|kind| name.strip_prefix(kind)).unwrap_or(name)
-}
-
-/// Items of a list of the scene; none if there is no such list.
-fn items<'a>(table: &'a Table, key: &str) -> &'a [Node] {
-    match table.get(key) {
-        Some(Node { value: Value::Array(items), .. }) => items,
-        _ => &[],
-    }
-}
-
-/// Name and place of an item.
-fn named(item: &Node) -> Option<(String, Place)> {
-    let table = item.as_table()?;
-    Some((table.get("name").and_then(Node::as_text)?.to_owned(), item.place.clone()))
 }
 
 /// Friction and thickness of bodies that do not say them: the largest of the materials that touch them.
