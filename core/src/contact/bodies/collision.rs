@@ -57,7 +57,7 @@ struct BodyContact {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct VertexContact {
     holds: [Option<BodyContact>; MAX_BODY_CONTACTS],
-    /// Velocity of the surfaces that leave it no room [m/s], where the solves drag it along.
+    /// Velocity of the surfaces that leave it no room [m/s].
     pinching: Option<Vec3>,
 }
 
@@ -173,7 +173,13 @@ impl BodyCollision {
         }
     }
 
-    /// Whether the solves drag an own vertex, by its local number, along with surfaces that pinch it.
+    /// The own vertices, by their local numbers, that surfaces pinch at the end of the step, ascending.
+    pub(crate) fn pinched_now(&self) -> impl Iterator<Item = usize> + '_ {
+        let vertices = constrained(&self.marks, 0..self.contacts.len());
+        vertices.filter(|vertex| self.contacts[*vertex].pinching.is_some()).map(|vertex| self.first + vertex)
+    }
+
+    /// Whether surfaces pinch an own vertex, by its local number.
     pub(crate) fn is_dragged(&self, vertex: usize) -> bool {
         self.contacts[vertex - self.first].pinching.is_some()
     }
@@ -411,9 +417,8 @@ impl Search<'_> {
         self.counts.contacts += u64::from(touched.is_some());
         if let Some(surroundings) = self.resolve_pinch(vertex, x, x1, contact, touched) {
             self.counts.pinched += 1;
-            *contact = VertexContact::default();
+            *contact = VertexContact { pinching: Some(surroundings), ..VertexContact::default() };
             if step.pinched_in_solves {
-                contact.pinching = Some(surroundings);
                 (*v_star, *x1) = (step.v[vertex], before);
             } else {
                 // Let go, but dragged along: springs move it freely, its weight does not carry it away.

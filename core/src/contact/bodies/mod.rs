@@ -76,10 +76,17 @@ struct Surface {
     crossing_regions: [Aabb; 2],
     /// Points around those triangles at the two samples, ascending.
     crossing_points: [Vec<u32>; 2],
+    /// Points inside another part of the surface, farther than an edge of cloth from where it crosses itself, at the two samples,
+    /// ascending.
+    deep_points: [Vec<u32>; 2],
+    /// Mean length of the edges of cloth [m].
+    edge: f64,
     /// Pairs of triangles that cross each other at the later sample.
     crossings: usize,
     /// Fastest point between the samples [m/s].
     speed: f64,
+    /// Time between the samples [s].
+    span: f64,
 }
 
 /// All bodies of a scene, between the ends of one step.
@@ -100,7 +107,7 @@ impl Bodies {
         let (mut list, mut problems) = (Vec::new(), Vec::new());
         for (b, description) in scene.description().bodies.iter().enumerate() {
             let first = samples.get(b).and_then(|s| s.last());
-            match Kind::new(description, scene.shape_mesh(b), first) {
+            match Kind::new(description, scene.shape_mesh(b), first, scene.mean_edge()) {
                 Ok(kind) => list.push(kind),
                 Err(what) => problems.push(Problem::data(
                     format!("body \"{}\"", description.name),
@@ -276,6 +283,38 @@ impl Bodies {
         }
     }
 
+    /// Whether any surface crosses itself at the sample before or after now.
+    pub(crate) fn cross_themselves(&self) -> bool {
+        let crosses = |surface: &Surface| surface.crossing_points.iter().any(|points| !points.is_empty());
+        self.list.iter().any(|body| matches!(body, Kind::Surface(surface) if crosses(surface)))
+    }
+
+    /// Whether a point of a surface was deep inside another part of it at the sample before now.
+    pub(crate) fn was_deep(&self, body: usize, point: u32) -> bool {
+        match &self.list[body] {
+            Kind::Surface(surface) => surface.deep_points[0].binary_search(&point).is_ok(),
+            Kind::Rigid(_) => false,
+        }
+    }
+
+    /// Whether a triangle of a surface has such a point.
+    pub(crate) fn was_deep_at(&self, body: usize, triangle: u32) -> bool {
+        match &self.list[body] {
+            Kind::Surface(surface) => {
+                surface.mesh.triangles()[triangle as usize].iter().any(|point| self.was_deep(body, *point))
+            }
+            Kind::Rigid(_) => false,
+        }
+    }
+
+    /// Time between the samples of a surface [s]; infinite for rigid bodies.
+    pub(crate) fn sample_span(&self, body: usize) -> f64 {
+        match &self.list[body] {
+            Kind::Surface(surface) => surface.span,
+            Kind::Rigid(_) => f64::INFINITY,
+        }
+    }
+
     /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
     pub(crate) fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {
@@ -336,7 +375,13 @@ impl BodyContactProperties {
 }
 
 impl Kind {
-    fn new(description: &BodyDescription, mesh: Option<&ShapeMesh>, first: Option<&Sample>) -> Result<Self, String> {
+    /// A body of a scene whose cloth has edges of a mean length of `edge` [m].
+    fn new(
+        description: &BodyDescription,
+        mesh: Option<&ShapeMesh>,
+        first: Option<&Sample>,
+        edge: f64,
+    ) -> Result<Self, String> {
         let shape = match &description.shape {
             BodyShape::Rigid(shape) => *shape,
             BodyShape::Surface { triangles, point_count } => {
@@ -348,8 +393,11 @@ impl Kind {
                     latest: first.clone(),
                     crossing_regions: [Aabb::EMPTY; 2],
                     crossing_points: [Vec::new(), Vec::new()],
+                    deep_points: [Vec::new(), Vec::new()],
+                    edge,
                     crossings: 0,
                     speed: 0.0,
+                    span: 0.0,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
                 surface.crossing_regions[0] = surface.crossing_regions[1];
@@ -369,42 +417,78 @@ impl Surface {
         let farthest =
             a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
         self.speed = if span > 0.0 { farthest / span } else { 0.0 };
+        self.span = span;
         let found = self.mesh.self_crossing(&b.positions);
         self.crossings = found.pairs.len();
         let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
         let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
-        self.crossing_regions = [self.crossing_regions[1], region];
+        self.crossing_regions.swap(0, 1);
         self.crossing_points.swap(0, 1);
         self.crossing_points[1] = points_around(self.mesh.triangles(), &found.triangles());
-        let inside = self.points_inside(&region);
-        self.crossing_points[1].extend(inside);
+        let covered = self.covered_points(&region);
+        let crossing: Vec<Vec3> = found
+            .triangles()
+            .iter()
+            .flat_map(|t| self.mesh.triangles()[*t as usize])
+            .map(|point| b.positions[point as usize])
+            .collect();
+        let is_deep = |point: &u32| {
+            let place = b.positions[*point as usize];
+            crossing.iter().all(|other| (other - place).norm() > self.edge)
+        };
+        self.deep_points.swap(0, 1);
+        self.deep_points[1] = covered.iter().copied().filter(is_deep).collect();
+        let around = |region: Aabb, point: &u32| region.union(&Aabb::of_point(&b.positions[*point as usize]));
+        self.crossing_regions[1] = covered.iter().fold(region, around);
+        self.crossing_points[1].extend(covered);
         self.crossing_points[1].sort_unstable();
         self.crossing_points[1].dedup();
         self.latest = sample;
         Ok(())
     }
 
-    /// Points of a closed surface in `region` that lie inside another part of it, at the latest positions, ascending.
-    fn points_inside(&self, region: &Aabb) -> Vec<u32> {
+    /// Points of a closed surface that lie inside another part of it, at the latest positions: those in `region`, which holds the
+    /// triangles that cross, and all that the surface joins to them inside.
+    fn covered_points(&self, region: &Aabb) -> Vec<u32> {
         let (triangles, x) = (self.mesh.triangles(), self.mesh.positions());
-        let within = |point: u32| region.overlaps(&Aabb::of_point(&x[point as usize]));
         if !self.mesh.is_closed() || self.crossings == 0 {
             return Vec::new();
         }
         // A little outside of the surface around the point: inside only if another part of the body is there.
         let mut outwards = vec![Vec3::zeros(); x.len()];
+        let mut edges = Vec::with_capacity(3 * triangles.len());
         for corners in triangles {
             let [a, b, c] = corners.map(|point| x[point as usize]);
             let normal = (b - a).cross(&(c - a));
             corners.iter().for_each(|&point| outwards[point as usize] += normal);
+            // Each edge of a closed surface is an edge of another triangle, the other way round.
+            edges.extend((0..3).map(|corner| [corners[corner], corners[(corner + 1) % 3]]));
         }
-        let is_inside = |point: &u32| {
-            let (place, across) = (x[*point as usize], outwards[*point as usize]);
+        edges.sort_unstable();
+        let is_covered = |point: u32| {
+            let (place, across) = (x[point as usize], outwards[point as usize]);
             let length = across.norm().sqrt();
             let outside = across.try_normalize(0.0).map(|n| place + n * (tolerances::BESIDE_SURFACE * length));
             outside.is_some_and(|p| self.mesh.winding_number(&p) > 0)
         };
-        (0..x.len() as u32).filter(|&point| within(point)).filter(is_inside).collect()
+        let mut found = vec![false; x.len()];
+        let within = |point: &u32| region.overlaps(&Aabb::of_point(&x[*point as usize]));
+        let mut next: Vec<u32> = (0..x.len() as u32).filter(within).collect();
+        let mut is_asked = vec![false; x.len()];
+        next.iter().for_each(|point| is_asked[*point as usize] = true);
+        while let Some(point) = next.pop() {
+            if !is_covered(point) {
+                continue;
+            }
+            found[point as usize] = true;
+            let first = edges.partition_point(|[from, _]| *from < point);
+            for [_, to] in edges[first..].iter().take_while(|[from, _]| *from == point) {
+                if !std::mem::replace(&mut is_asked[*to as usize], true) {
+                    next.push(*to);
+                }
+            }
+        }
+        (0..x.len() as u32).filter(|point| found[*point as usize]).collect()
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.

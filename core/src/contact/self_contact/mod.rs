@@ -251,11 +251,13 @@ impl SelfContact {
         if let Some(repulsions) = &mut self.repulsions {
             let tangle = self.geometric.as_ref().map(|g| &g.tangle).filter(|tangle| !tangle.is_empty());
             let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
+            let (crosses_itself, points) = (bodies.cross_themselves(), self.surface.body_points());
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
                 tangle.is_some_and(|tangle| tangle.lets_pass(pair))
                     || (!self.without_repulsion.is_empty() && is_without_repulsion(pair))
+                    || (crosses_itself && points.emerges(pair, bodies))
             };
             repulsions.record_orientations(
                 self.surface.nodes(),
@@ -319,7 +321,8 @@ impl SelfContact {
         if self.geometric.is_none() {
             return Ending::Resolved;
         }
-        let outcome = self.resolve(duration, may_rewind, used, metrics);
+        let let_go = self.let_go(bodies, body_collision.as_deref());
+        let outcome = self.resolve((bodies, &let_go), [duration, used], may_rewind, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
         if outcome.given_back {
             metrics.count_once(self.surface.ranks(), "rewinds", 1);
@@ -363,17 +366,41 @@ impl SelfContact {
         if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
     }
 
-    /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
-    /// before when it is done.
-    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> LoopOutcome {
+    /// Vertices of the scene that bodies pinch now, ascending. The ranks ask each other only where a body crosses itself.
+    fn let_go(&self, bodies: &Bodies, body_collision: Option<&BodyCollision>) -> Vec<u32> {
+        let Some(collision) = body_collision.filter(|_| bodies.cross_themselves()) else { return Vec::new() };
+        let (place, nodes) = (self.surface.place(), self.surface.nodes());
+        let first = nodes.own().start;
+        let own: Vec<u32> =
+            collision.pinched_now().map(|vertex| nodes.number((vertex - place.start + first) as u32)).collect();
+        let mut all = nodes.ranks().all_gather_v(&own).concat();
+        all.sort_unstable();
+        all
+    }
+
+    /// Stops what would pass through something on the paths, of which `used` is the longest way [m]. The ghosts are those of
+    /// before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts of bodies that come out
+    /// of others.
+    fn resolve(
+        &mut self,
+        (bodies, let_go): (&Bodies, &[u32]),
+        [duration, used]: [f64; 2],
+        may_rewind: bool,
+        metrics: &mut Metrics,
+    ) -> LoopOutcome {
         let Self { surface, search, proximity, geometric, paths, gap, .. } = self;
         let Some(Geometric { control, work, tangle, pinched, .. }) = geometric else { return LoopOutcome::default() };
         let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
+        let crosses_itself = bodies.cross_themselves();
+        let points = surface.body_points();
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
-            let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
-            tangle.lets_pass(pair) || (!pinched.is_empty() && lets_out())
+            let is_let_go =
+                |number: &u32| pinched.binary_search(number).is_ok() || let_go.binary_search(number).is_ok();
+            let lets_out = || of_body() && pair.nodes.iter().any(is_let_go);
+            let emerges = || crosses_itself && points.emerges(pair, bodies);
+            tangle.lets_pass(pair) || emerges() || (!(pinched.is_empty() && let_go.is_empty()) && lets_out())
         };
         let mut collisions = Collisions {
             surface,

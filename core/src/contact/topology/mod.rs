@@ -6,6 +6,7 @@
 //! [`wearing_order`] (which garment is outside), [`surface`] (all of it),
 //! [`common_rigid_motion`] (what moves alike brings nothing closer).
 
+pub(crate) mod body_points;
 pub(crate) mod cloth_surface;
 pub(crate) mod common_rigid_motion;
 pub(crate) mod faces;

@@ -8,6 +8,7 @@ use std::ops::Range;
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision;
+use crate::contact::topology::body_points::BodyPoints;
 use crate::contact::topology::cloth_surface::LocalClothSurface;
 use crate::contact::topology::common_rigid_motion::Samples;
 use crate::contact::topology::faces::{Faces, Sides};
@@ -477,13 +478,14 @@ impl ContactSurface {
 
     /// Whether cloth crosses a body where that body crosses itself. Crossings have numbers of the scene.
     pub(crate) fn is_pinched(&self, crossing: &Crossing, bodies: &Bodies) -> bool {
-        let cloth = self.nodes.global_cloth_count();
-        crossing.edge.iter().chain(&crossing.triangle).filter(|&&number| number >= cloth).any(|&number| {
-            let point = number - cloth;
-            let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
-            let (body, first) = self.first_points[last];
-            bodies.crosses_itself_at(body, point - first)
-        })
+        let points = self.body_points();
+        let mut numbers = crossing.edge.iter().chain(&crossing.triangle);
+        numbers.any(|number| points.get(*number).is_some_and(|(body, point)| bodies.crosses_itself_at(body, point)))
+    }
+
+    /// The points of bodies by their numbers in the scene.
+    pub(crate) fn body_points(&self) -> BodyPoints {
+        BodyPoints::new(self.nodes.global_cloth_count(), &self.first_points)
     }
 
     /// Marks the corners of all triangles of cloth that have a marked corner; right for own nodes.

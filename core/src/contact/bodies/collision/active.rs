@@ -85,7 +85,7 @@ impl Search<'_> {
             let Some(at) = self.nearest(body, x, end) else { continue };
             if at.phi < properties.thickness {
                 let touch = LastContact { body, at, outside: end + at.normal * (gap - at.phi) };
-                if let Some(velocity) = self.pinching(&touch, touched.as_ref(), end) {
+                if let Some(velocity) = self.pinching(vertex, &touch, touched.as_ref(), end) {
                     return Some(ActiveContact::dragged(first + vertex, velocity));
                 }
                 touched = Some(touch);

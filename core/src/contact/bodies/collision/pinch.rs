@@ -38,7 +38,7 @@ impl Search<'_> {
         touched: Option<LastContact>,
     ) -> Option<Vec3> {
         if let Some(touch) = &touched
-            && let Some(velocity) = self.between_parts(touch, x1)
+            && let Some(velocity) = self.between_parts(vertex, touch, x1)
         {
             return Some(velocity);
         }
@@ -91,12 +91,15 @@ impl Search<'_> {
         Gap { room, width, between: x - at.normal * (away - room) }
     }
 
-    /// Mean velocity of the surfaces around a vertex at `x` [m/s], if it lies inside one part of the body that it has touched wherever it
-    /// is outside of another.
-    fn between_parts(&self, touch: &LastContact, x: &Vec3) -> Option<Vec3> {
+    /// Velocity of the surfaces around a vertex at `x` [m/s] where the body that it has touched crosses itself: their mean, if it lies
+    /// inside one part of the body wherever it is outside of another; its own, if the part comes out of another one through the vertex.
+    fn between_parts(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> Option<Vec3> {
         let bodies = self.step.bodies;
-        if !(bodies.may_cross_itself(touch.body, x, self.search) && bodies.contains(touch.body, &touch.outside)) {
+        if !bodies.may_cross_itself(touch.body, x, self.search) {
             return None;
+        }
+        if !bodies.contains(touch.body, &touch.outside) {
+            return self.emerges(vertex, touch).then_some(self.step.v[vertex]);
         }
         // The other part begins behind the vertex, as seen from the surface that it has touched.
         let behind = x - touch.at.normal * (2.0 * self.search);
@@ -108,6 +111,17 @@ impl Search<'_> {
         Some((touch.at.velocity + other.map_or(touch.at.velocity, |at| at.velocity)) * 0.5)
     }
 
+    /// Whether the part of the body that a vertex has touched comes out of another part, or passes by a vertex inside of it, so fast that
+    /// it would carry the vertex an edge away within a frame.
+    fn emerges(&self, vertex: usize, touch: &LastContact) -> bool {
+        let (bodies, at) = (self.step.bodies, &touch.at);
+        let fast = self.search / bodies.sample_span(touch.body);
+        let relative = at.velocity - self.step.v[vertex];
+        let comes_out = relative.dot(&at.normal) > fast && bodies.was_deep_at(touch.body, at.triangle);
+        let passes_by = || relative.norm() > fast || at.phi < -self.search;
+        comes_out || (passes_by() && bodies.contains(touch.body, &(self.step.x[vertex] + at.displacement)))
+    }
+
     /// The same, if the body that it has touched and one that faces it across this gap have passed through one another.
     fn between_bodies(&self, touch: &LastContact, (body, at): (usize, &BodyPoint), gap: &Gap) -> Option<Vec3> {
         (gap.width <= 0.0 && self.step.bodies.contains(body, &gap.between))
@@ -115,11 +129,17 @@ impl Search<'_> {
     }
 
     /// The same, of a vertex at `end` that has touched one body and perhaps another one before.
-    pub(super) fn pinching(&self, touch: &LastContact, before: Option<&LastContact>, end: &Vec3) -> Option<Vec3> {
+    pub(super) fn pinching(
+        &self,
+        vertex: usize,
+        touch: &LastContact,
+        before: Option<&LastContact>,
+        end: &Vec3,
+    ) -> Option<Vec3> {
         let by_bodies = || {
             let before = before.filter(|before| before.faces(&touch.at))?;
             self.between_bodies(before, (touch.body, &touch.at), &self.gap(before, &touch.at, end))
         };
-        self.between_parts(touch, end).or_else(by_bodies)
+        self.between_parts(vertex, touch, end).or_else(by_bodies)
     }
 }
