@@ -67,7 +67,10 @@ mkdir -p "$part/bin"
 cp "$built/drapery" "$built/drapery-assets" "$part/bin/"
 strip "$part"/bin/*
 cp -r "$target/dist-parts/pages/share" "$part/"
-cp -r sample_assets/scenes sample_assets/howto README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$licences" "$part/"
+# Where the pages name them.
+mkdir "$part/sample_assets"
+cp -r sample_assets/scenes sample_assets/howto "$part/sample_assets/"
+cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$licences" "$part/"
 pack "$name"
 
 echo "dist: 4 of 6, the package for C"

@@ -52,7 +52,7 @@ done
 inside=(chroot root)
 [ "$(id -u)" -eq 0 ] || inside=(unshare --user --map-root-user chroot root)
 try() { "${inside[@]}" "$@" >log 2>&1 || fail "in an empty root: $*: $(cat log)"; }
-try /drapery/bin/drapery run /drapery/scenes/hanging_sheet.toml --frames 1001-1004 --set resolution=10 --out /out
+try /drapery/bin/drapery run /drapery/sample_assets/scenes/hanging_sheet.toml --frames 1001-1004 --set resolution=10 --out /out
 sound() {
     try /drapery/bin/drapery verify "$1"
     grep -q 'all rules are met' log || fail "$1 is not sound: $(cat log)"
@@ -60,7 +60,7 @@ sound() {
 sound /out/sheet.abc
 try /drapery/bin/drapery view /out --page /out/page.html
 try /drapery/bin/drapery-assets mannequin --out /assets
-try /drapery/bin/drapery run /drapery/scenes/dressed_mannequin.toml --frames 1001-1002 --set assets=/assets \
+try /drapery/bin/drapery run /drapery/sample_assets/scenes/dressed_mannequin.toml --frames 1001-1002 --set assets=/assets \
     --set 'output.format=["abc", "h5", "usd"]' --out /demo
 sound /demo/skirt.abc
 sound /demo/skirt.usd
@@ -97,7 +97,7 @@ say "the wheel"
 venv/bin/python -m pip install --quiet --disable-pip-version-check "$dist"/*.whl
 alone venv/lib/python3*/site-packages/drapery/_native.abi3.so
 [ -s "$(echo venv/lib/python3*/site-packages/drapery/licences/THIRD_PARTY.txt)" ] || fail "licences are missing in the wheel"
-(cd / && "$room/venv/bin/python" -m drapery run "$room/command/scenes/hanging_sheet.toml" --frames 1001-1004 --set resolution=10 \
+(cd / && "$room/venv/bin/python" -m drapery run "$room/command/sample_assets/scenes/hanging_sheet.toml" --frames 1001-1004 --set resolution=10 \
     --out "$room/wheel_out" >"$room/log" 2>&1) || fail "the wheel does not run the first scene: $(cat log)"
 cmp root/out/sheet.abc wheel_out/sheet.abc || fail "the wheel has other bytes than the command"
 

@@ -52,6 +52,10 @@ pub(crate) const PINCH_DRAG: f64 = 1e3;
 /// `cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_opens`.
 pub(crate) const BESIDE_SURFACE: f64 = 1e-3;
 
+/// Depth at which a part of a surface is deep inside another one and no fold, and distance that it moves through the other one between
+/// two samples, as a share of the diagonal of the surface's box: 5 cm of a person. Guarded by `cloth_comes_free_of_a_hand_that_was_deep_in_a_torso`.
+pub(crate) const DEEP_PART: f64 = 0.025;
+
 /// Smallest eigenvalue of the correlation of the angles around a triangle that counts as it is: below, its six vertices lie near
 /// a conic, and the angles hardly tell curvatures apart. A hundredth couples no two angles more than a hundred times as stiffly as
 /// each is held alone. Guarded by `a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for`.

@@ -252,7 +252,7 @@ pub fn why_meant_in(general: Units, height: f64, read_in: InputUnits) -> Option<
 pub const UNSTATED: InputUnits = InputUnits { metres: 0.01, up: UpAxis::Y };
 
 /// A vector of a file with Y up.
-fn turned_up(vector: Vec3, up: UpAxis) -> Vec3 {
+pub(crate) fn turned_up(vector: Vec3, up: UpAxis) -> Vec3 {
     match up {
         UpAxis::Y => vector,
         UpAxis::Z => Vec3::new(vector.x, vector.z, -vector.y),

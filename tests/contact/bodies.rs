@@ -93,6 +93,50 @@ fn cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_
 }
 
 #[test]
+fn cloth_comes_free_of_a_hand_that_was_deep_in_a_torso() {
+    // One mesh of a torso and a forearm. The sheet hangs in front of the torso. The arm moves through it into the torso within five
+    // frames, and comes out under it.
+    let (torso, faces) = box_mesh(Vec3::new(0.1, 0.22, 0.22), 16);
+    let (arm, more) = box_mesh(Vec3::new(0.02, 0.3, 0.02), 16);
+    let mut triangles = faces;
+    triangles.extend(more.iter().map(|t| t.map(|v| v + torso.len() as u32)));
+    let in_frames = |frames: f64| frames / f64::from(FPS);
+    let from_sheet = |time: f64| 0.06 - 0.16 * (std::f64::consts::PI * (time / in_frames(10.0)).min(1.0)).sin();
+    let place = |time: f64| -> Vec<Vec3> {
+        let (apart, out) = (Vec3::x() * -0.105, Vec3::x() * from_sheet(time));
+        torso.iter().map(|p| p + apart).chain(arm.iter().map(|p| p + out)).collect()
+    };
+    let body = MeshBody { triangles, points: &place };
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut description = hanging();
+        description.solver.integrator = integrator;
+        let rest = description.garments[0].mesh.clone();
+        assert!(rest.face_counts.iter().all(|corners| *corners == 3));
+        let corners: Vec<usize> = rest.face_indices.iter().map(|v| *v as usize).collect();
+        let edges: Vec<[usize; 2]> =
+            corners.chunks_exact(3).flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]).collect();
+        let properties = |b: &mut BodyDescription| (b.thickness, b.max_push_speed) = (0.002, 1.0);
+        let (mut pinched, mut most, mut left) = (0, 0.0_f64, Vec::new());
+        run_with_mesh(description, &body, properties, 20, |simulation, summary| {
+            pinched += summary.metrics.counted("body_pinched");
+            let x = positions(simulation);
+            let strain =
+                |[a, b]: &[usize; 2]| (x[*a] - x[*b]).norm() / (rest.points[*a] - rest.points[*b]).norm() - 1.0;
+            most = edges.iter().map(strain).fold(most, f64::max);
+            if summary.frame >= 14 {
+                let farthest = x.iter().map(|x| x.x).fold(f64::NEG_INFINITY, f64::max);
+                left.push((summary.frame, simulation.crossings().len(), farthest));
+            }
+        });
+        assert!(pinched > 0, "{integrator:?}: the arm passes through the sheet");
+        assert!(most < 0.5, "{integrator:?}: an edge is strained by {most}");
+        // The arm has left the torso at frame 9.
+        let free = left.iter().all(|(_, crossings, farthest)| *crossings == 0 && *farthest < 0.03);
+        assert!(free, "{integrator:?}: frame, crossings, farthest vertex: {left:?}");
+    }
+}
+
+#[test]
 fn layers_in_a_gap_too_narrow_for_them_are_not_struck_however_short_the_steps_are() {
     // Each layer is to be in the middle of the gap, and collisions keep them apart.
     for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {

@@ -123,10 +123,11 @@ panel = {{ resolution = 4, side = 0.5, aspect = 1, center = [0, 1, 0] }}
 
 
 def usd_channels(path):
-    """A stage of 48 time codes a second with an attribute of one number and one of three, written by Pixar's library."""
-    from pxr import Gf, Sdf, Usd
+    """A stage of 48 time codes a second, Z up, with an attribute of one number and one of three, written by Pixar's library."""
+    from pxr import Gf, Sdf, Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     stage.SetTimeCodesPerSecond(48)
     stage.SetFramesPerSecond(24)
     control = stage.DefinePrim("/shot/control")
@@ -134,7 +135,7 @@ def usd_channels(path):
     fall = control.CreateAttribute("fall", Sdf.ValueTypeNames.Vector3d)
     for frame, value in ((1001, 0.0), (1005, 400.0)):
         rate.Set(value, 2 * frame)
-        fall.Set(Gf.Vec3d(0, -0.02 * value, 0), 2 * frame)
+        fall.Set(Gf.Vec3d(0, 0, -0.02 * value), 2 * frame)
     control.CreateAttribute("word", Sdf.ValueTypeNames.String).Set("wet")
     stage.Save()
 
@@ -147,11 +148,15 @@ def alembic_channels(path):
     archive = Abc.OArchive(str(path))
     sampling = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, 1001 / 24))
     control = AbcGeom.OXform(AbcGeom.OXform(archive.getTop(), "shot"), "control")
+    # The property stands beside the values of a transform.
+    sample = AbcGeom.XformSample()
+    sample.setTranslation(imath.V3d(1, 0, 0))
+    control.getSchema().set(sample)
     properties = control.getSchema().getUserProperties()
     rate, fall = Abc.OFloatProperty(properties, "rate", sampling), Abc.OV3dProperty(properties, "fall", sampling)
     for frame in range(1001, 1006):
         rate.setValue(100.0 * (frame - 1001))
-        fall.setValue(imath.V3d(0, -2.0 * (frame - 1001), 0))
+        fall.setValue(imath.V3d(0, 0, -2.0 * (frame - 1001)))
     Abc.OStringProperty(properties, "word").setValue("wet")
 
 
@@ -163,8 +168,10 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     for line in (f"rate: one number, {samples} samples", f"fall: three numbers, {samples} samples"):
         assert f"\nchannel /shot/control.{line}\n" in held, held
     assert held.count("channel ") == 2, "the word is none"
+    # A stage says that Z is up.
+    turned = ', up = "Z"' if name == "control.abc" else ""
     channel = lambda property, more="": f'{{ file = "{name}", channel = "/shot/control.{property}"{more} }}'
-    (tmp_path / "channels.toml").write_text(SLIDE.format(gravity=channel("fall"), rate=channel("rate", ", scale = 0.01")))
+    (tmp_path / "channels.toml").write_text(SLIDE.format(gravity=channel("fall", turned), rate=channel("rate", ", scale = 0.01")))
     keys = "[[1001, {}], [1005, {}]]"
     (tmp_path / "keys.toml").write_text(SLIDE.format(gravity=keys.format([0, 0, 0], [0, -8, 0]), rate=keys.format(0, 4.0)))
     plan = subprocess.run([DRAPERY, "plan", str(tmp_path / "channels.toml"), "--json"], capture_output=True, text=True, check=True)
@@ -196,6 +203,7 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     ('{ file = "control.obj", channel = "/a.rate" }', "channels are not read from"),
     ('{ file = "none.abc", channel = "/a.rate" }', "none.abc"),
     ('{ channel = "/a.rate" }', "a channel needs `file`"),
+    ('{ file = "control.abc", channel = "/a.rate", up = "X" }', '`up` of a channel has to be "Y" or "Z"'),
     ('{ file = "control.abc", channel = "/a.rate", frames = 3 }', "unknown key `frames`"),
     ('{ file = "control.abc", chanel = "/a.rate" }', "did you mean `channel`"),
 ])  # fmt: skip

@@ -14,6 +14,13 @@ pub struct Aabb {
     pub max: [f32; 3],
 }
 
+/// The empty box.
+impl Default for Aabb {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 /// `f32` not above `x`: one unit in the last place further down than the nearest. Branch-free, hence vectorised.
 #[inline]
 fn below(x: f64) -> f32 {

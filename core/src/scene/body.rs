@@ -105,7 +105,8 @@ impl BodyDescription {
 
 described! { BodyDescription as body {
     "friction", body.friction => None, default Number(0.3), range (0.0, 1e3),
-        "Coulomb friction against cloth; left out, that of each garment's material; a `[[contact]]` sets it for one garment";
+        "Coulomb friction against cloth; left out, that of each garment's material, and the default for cloth without one; a `[[contact]]` sets it \
+         for one garment";
     "thickness", body.thickness => Length, default Quantity("1 mm"), range (0.0, 1e3),
         "collision thickness: distance that cloth keeps from the surface; left out, the largest of the garments' \
          materials if there are any, and for a mesh at least the distance that keeps coarse faces of body and garments \

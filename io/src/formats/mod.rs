@@ -20,7 +20,7 @@ use crate::error::IoError;
 use crate::file_summary::FileSummary;
 use crate::input_file;
 use crate::mesh_data::MeshReader;
-use crate::units::Units;
+use crate::units::{Units, UpAxis};
 
 /// Opens a mesh, or the objects of it whose path fits the pattern.
 pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoError>;
@@ -47,8 +47,14 @@ pub struct Opening {
     pub rate: Option<f64>,
 }
 
-/// Samples of a channel: times [s], ascending, and the numbers of the value there; one sample for what never changes.
-pub type ChannelSamples = Vec<(f64, Vec<f64>)>;
+/// Samples of a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelSamples {
+    /// Axis that points up, where the file says it.
+    pub up: Option<UpAxis>,
+    /// Times [s], ascending, and the numbers of the value there; one sample for what never changes.
+    pub values: Vec<(f64, Vec<f64>)>,
+}
 
 /// Reads a channel: a property of an object that holds numbers, by the path of the object and the name of the property.
 pub type ReadChannel = fn(&Path, &str, &str) -> Result<ChannelSamples, IoError>;

@@ -6,17 +6,19 @@
 
 use std::path::{Path as FilePath, PathBuf};
 
+use drapery_core::Vec3;
 use drapery_core::settings::SettingValue;
 
 use crate::error::IoError;
 use crate::formats;
 use crate::input_file;
+use crate::units::{UpAxis, turned_up};
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
 use super::tree::{Node, Sources, Table, Value};
 
-/// A channel that was read.
+/// A channel that was read. Its vectors have Y up.
 pub(super) struct Channel {
     /// The file.
     pub(super) file: PathBuf,
@@ -28,6 +30,7 @@ pub(super) struct Channel {
 const FILE: &str = "file";
 const CHANNEL: &str = "channel";
 const SCALE: &str = "scale";
+const UP: &str = "up";
 
 /// Whether a table names a channel.
 pub(super) fn is_channel(node: &Node) -> bool {
@@ -41,9 +44,9 @@ pub(super) fn is_channel(node: &Node) -> bool {
 pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f64)) -> Result<Channel, SceneFileError> {
     let table = node.as_table().cloned().unwrap_or_default();
     let form = || Some("write { file = \"props.abc\", channel = \"/object.property\" }".to_owned());
-    let known = [FILE, CHANNEL, SCALE];
+    let known = [FILE, CHANNEL, SCALE, UP];
     if let Some(entry) = table.0.iter().find(|entry| !known.contains(&entry.key.as_str())) {
-        let what = format!("unknown key `{}` in a channel; it has `file`, `channel` and `scale`", entry.key);
+        let what = format!("unknown key `{}` in a channel; it has `file`, `channel`, `scale` and `up`", entry.key);
         return Err(sources.error(&entry.key_place, what, Some(suggestion(&entry.key, &known))));
     }
     let scale = match table.get(SCALE).map(|node| &node.value) {
@@ -51,6 +54,12 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
         Some(Value::Integer(scale)) => *scale as f64,
         Some(Value::Float(scale)) if scale.is_finite() => *scale,
         Some(_) => return Err(sources.error(&node.place, "the `scale` of a channel has to be a number", form())),
+    };
+    let up = match table.get(UP).map(Node::as_text) {
+        None => None,
+        Some(Some("Y")) => Some(UpAxis::Y),
+        Some(Some("Z")) => Some(UpAxis::Z),
+        Some(_) => return Err(sources.error(&node.place, "the `up` of a channel has to be \"Y\" or \"Z\"", form())),
     };
     let text = |key: &str| {
         text(&table, key).ok_or_else(|| sources.error(&node.place, format!("a channel needs `{key}` as text"), form()))
@@ -69,10 +78,11 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
     // The system's own words for a missing file are the same everywhere; ours carry advice.
     let samples = input_file::open(&file).and_then(|_| reads(&file, object, property)).map_err(of_file)?;
     let mut keys = Vec::new();
-    for (time, numbers) in samples {
+    let up = up.or(samples.up).unwrap_or_default();
+    for (time, numbers) in samples.values {
         let value = match numbers.iter().map(|number| scale * number).collect::<Vec<_>>()[..] {
             [number] => SettingValue::Number(number),
-            [x, y, z] => SettingValue::Vector([x, y, z]),
+            [x, y, z] => SettingValue::Vector(turned_up(Vec3::new(x, y, z), up).into()),
             _ => {
                 let what = format!("a sample has {} numbers", numbers.len());
                 let advice = "name a property of one number, or of three";

@@ -5,7 +5,7 @@
 //! Contact is found at the end of a step by signed distance, and along the path of the step where the vertex moved far
 //! enough, relative to the body, to have passed through. A vertex between two surfaces that face each other closer than
 //! their thicknesses keeps half the gap from each; where the surfaces have passed through one another (a body that
-//! crosses itself) there is no outside: the contact is given up and the vertex is dragged along by the surfaces around it,
+//! crosses itself) there is no outside: the contact is given up, and in a fold the surfaces around the vertex drag it along,
 //! until there is an outside again. Both are counted.
 
 mod active;
@@ -31,6 +31,7 @@ use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::tolerances::PINCH_DRAG;
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
+use pinch::Pinch;
 use rules::BodyRules;
 
 /// Identifier of the saved section with the distances of deforming bodies, which is absent without such bodies.
@@ -57,8 +58,8 @@ struct BodyContact {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct VertexContact {
     holds: [Option<BodyContact>; MAX_BODY_CONTACTS],
-    /// Velocity of the surfaces that leave it no room [m/s].
-    pinching: Option<Vec3>,
+    /// The pinch by surfaces that leave it no room.
+    pinching: Option<Pinch>,
 }
 
 /// Memory of a surface body near a vertex: it saves searches, and tells how deep the vertex was before.
@@ -415,12 +416,11 @@ impl Search<'_> {
             }
         }
         self.counts.contacts += u64::from(touched.is_some());
-        if let Some(surroundings) = self.resolve_pinch(vertex, x, x1, contact, touched) {
+        if let Some(pinch) = self.resolve_pinch(vertex, x, x1, contact, touched) {
             self.counts.pinched += 1;
-            *contact = VertexContact { pinching: Some(surroundings), ..VertexContact::default() };
-            if step.pinched_in_solves {
-                (*v_star, *x1) = (step.v[vertex], before);
-            } else {
+            *contact = VertexContact { pinching: Some(pinch), ..VertexContact::default() };
+            (*v_star, *x1) = (step.v[vertex], before);
+            if let Some(surroundings) = pinch.drag.filter(|_| !step.pinched_in_solves) {
                 // Let go, but dragged along: springs move it freely, its weight does not carry it away.
                 let kept = (-PINCH_DRAG * dt).exp();
                 *v_star = surroundings + (step.v[vertex] - surroundings) * kept;

@@ -9,11 +9,13 @@ pub(crate) mod active_set;
 pub mod collision;
 pub(crate) mod constraints;
 pub(crate) mod friction;
+mod part_crossings;
 pub mod recovery_speed;
 mod rigid;
 mod samples;
 
 use crate::Vec3;
+use crate::contact::bodies::part_crossings::PartCrossings;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::rigid::{Bounds, Rigid};
 use crate::error::{Problem, Problems};
@@ -26,9 +28,6 @@ use crate::scene::{BodyDescription, BodyShape, Scene};
 use crate::tolerances;
 
 pub use samples::{Sample, Samples};
-
-/// Rings of triangles around those of a surface that cross each other in which cloth counts as pinched.
-const CROSSING_RINGS: usize = 2;
 
 /// A place of a body near a vertex, at the end of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,21 +71,10 @@ struct Surface {
     mesh: MovingSurface,
     /// The later of the two samples that the mesh moves between.
     latest: Sample,
-    /// Boxes of the triangles that cross each other at the two samples.
-    crossing_regions: [Aabb; 2],
-    /// Points around those triangles at the two samples, ascending.
-    crossing_points: [Vec<u32>; 2],
-    /// Points inside another part of the surface, farther than an edge of cloth from where it crosses itself, at the two samples,
-    /// ascending.
-    deep_points: [Vec<u32>; 2],
-    /// Mean length of the edges of cloth [m].
-    edge: f64,
-    /// Pairs of triangles that cross each other at the later sample.
-    crossings: usize,
+    /// Where it crosses itself at the two samples.
+    crossings: [PartCrossings; 2],
     /// Fastest point between the samples [m/s].
     speed: f64,
-    /// Time between the samples [s].
-    span: f64,
 }
 
 /// All bodies of a scene, between the ends of one step.
@@ -107,7 +95,7 @@ impl Bodies {
         let (mut list, mut problems) = (Vec::new(), Vec::new());
         for (b, description) in scene.description().bodies.iter().enumerate() {
             let first = samples.get(b).and_then(|s| s.last());
-            match Kind::new(description, scene.shape_mesh(b), first, scene.mean_edge()) {
+            match Kind::new(description, scene.shape_mesh(b), first) {
                 Ok(kind) => list.push(kind),
                 Err(what) => problems.push(Problem::data(
                     format!("body \"{}\"", description.name),
@@ -195,7 +183,7 @@ impl Bodies {
 
     /// Pairs of triangles that cross each other at the latest samples, of each body.
     pub(crate) fn self_crossings(&self) -> impl Iterator<Item = usize> + '_ {
-        self.list.iter().map(|body| if let Kind::Surface(surface) = body { surface.crossings } else { 0 })
+        self.list.iter().map(|body| if let Kind::Surface(surface) = body { surface.crossings[1].pairs() } else { 0 })
     }
 
     /// Number of bodies that are inside out at the end of the step.
@@ -276,49 +264,42 @@ impl Bodies {
     pub(crate) fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
         match &self.list[body] {
             Kind::Surface(surface) => {
-                let [a, b] = &surface.crossing_regions;
+                let [a, b] = surface.crossings.each_ref().map(PartCrossings::region);
                 a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x))
             }
             Kind::Rigid(_) => false,
         }
     }
 
-    /// Whether any surface crosses itself at the sample before or after now.
-    pub(crate) fn cross_themselves(&self) -> bool {
-        let crosses = |surface: &Surface| surface.crossing_points.iter().any(|points| !points.is_empty());
-        self.list.iter().any(|body| matches!(body, Kind::Surface(surface) if crosses(surface)))
+    /// Whether a part of any surface is deep inside another one at the sample before or after now.
+    pub(crate) fn have_deep_parts(&self) -> bool {
+        let has = |surface: &Surface| surface.crossings.iter().any(PartCrossings::has_deep_parts);
+        self.list.iter().any(|body| matches!(body, Kind::Surface(surface) if has(surface)))
     }
 
-    /// Whether a point of a surface was deep inside another part of it at the sample before now.
-    pub(crate) fn was_deep(&self, body: usize, point: u32) -> bool {
+    /// Whether a point of a surface belongs to a part that is deep inside another one at the sample before or after now.
+    pub(crate) fn is_deep(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {
-            Kind::Surface(surface) => surface.deep_points[0].binary_search(&point).is_ok(),
+            Kind::Surface(surface) => surface.crossings.iter().any(|crossings| crossings.is_deep(point)),
             Kind::Rigid(_) => false,
         }
     }
 
-    /// Whether a triangle of a surface has such a point.
-    pub(crate) fn was_deep_at(&self, body: usize, triangle: u32) -> bool {
-        match &self.list[body] {
-            Kind::Surface(surface) => {
-                surface.mesh.triangles()[triangle as usize].iter().any(|point| self.was_deep(body, *point))
-            }
-            Kind::Rigid(_) => false,
-        }
-    }
-
-    /// Time between the samples of a surface [s]; infinite for rigid bodies.
-    pub(crate) fn sample_span(&self, body: usize) -> f64 {
-        match &self.list[body] {
-            Kind::Surface(surface) => surface.span,
-            Kind::Rigid(_) => f64::INFINITY,
-        }
+    /// Whether a vertex at `x` [m] that has touched a triangle of a surface, and that the surface carried from `carried` [m], is where a
+    /// part of the surface goes deep into another one or comes out of it: on that part, or inside the surface.
+    pub(crate) fn is_in_deep_part(&self, body: usize, triangle: u32, [x, carried]: [&Vec3; 2], margin: f64) -> bool {
+        let Kind::Surface(surface) = &self.list[body] else { return false };
+        let corners = surface.mesh.triangles().get(triangle as usize);
+        let is_on_it = || corners.is_some_and(|corners| corners.iter().any(|point| self.is_deep(body, *point)));
+        let [a, b] = surface.crossings.each_ref().map(PartCrossings::deep_region);
+        let is_near = a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x));
+        is_near && (is_on_it() || self.contains(body, carried))
     }
 
     /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
     pub(crate) fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {
-            Kind::Surface(surface) => surface.crossing_points.iter().any(|points| points.binary_search(&point).is_ok()),
+            Kind::Surface(surface) => surface.crossings.iter().any(|crossings| crossings.is_near(point)),
             Kind::Rigid(_) => false,
         }
     }
@@ -375,13 +356,7 @@ impl BodyContactProperties {
 }
 
 impl Kind {
-    /// A body of a scene whose cloth has edges of a mean length of `edge` [m].
-    fn new(
-        description: &BodyDescription,
-        mesh: Option<&ShapeMesh>,
-        first: Option<&Sample>,
-        edge: f64,
-    ) -> Result<Self, String> {
+    fn new(description: &BodyDescription, mesh: Option<&ShapeMesh>, first: Option<&Sample>) -> Result<Self, String> {
         let shape = match &description.shape {
             BodyShape::Rigid(shape) => *shape,
             BodyShape::Surface { triangles, point_count } => {
@@ -391,16 +366,11 @@ impl Kind {
                         .map_err(|e| e.to_string())?
                         .facing(description.faces_inwards),
                     latest: first.clone(),
-                    crossing_regions: [Aabb::EMPTY; 2],
-                    crossing_points: [Vec::new(), Vec::new()],
-                    deep_points: [Vec::new(), Vec::new()],
-                    edge,
-                    crossings: 0,
+                    crossings: [PartCrossings::default(), PartCrossings::default()],
                     speed: 0.0,
-                    span: 0.0,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
-                surface.crossing_regions[0] = surface.crossing_regions[1];
+                surface.crossings[0] = surface.crossings[1].clone();
                 return Ok(Self::Surface(Box::new(surface)));
             }
         };
@@ -417,98 +387,14 @@ impl Surface {
         let farthest =
             a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
         self.speed = if span > 0.0 { farthest / span } else { 0.0 };
-        self.span = span;
-        let found = self.mesh.self_crossing(&b.positions);
-        self.crossings = found.pairs.len();
-        let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
-        let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
-        self.crossing_regions.swap(0, 1);
-        self.crossing_points.swap(0, 1);
-        self.crossing_points[1] = points_around(self.mesh.triangles(), &found.triangles());
-        let covered = self.covered_points(&region);
-        let crossing: Vec<Vec3> = found
-            .triangles()
-            .iter()
-            .flat_map(|t| self.mesh.triangles()[*t as usize])
-            .map(|point| b.positions[point as usize])
-            .collect();
-        let is_deep = |point: &u32| {
-            let place = b.positions[*point as usize];
-            crossing.iter().all(|other| (other - place).norm() > self.edge)
-        };
-        self.deep_points.swap(0, 1);
-        self.deep_points[1] = covered.iter().copied().filter(is_deep).collect();
-        let around = |region: Aabb, point: &u32| region.union(&Aabb::of_point(&b.positions[*point as usize]));
-        self.crossing_regions[1] = covered.iter().fold(region, around);
-        self.crossing_points[1].extend(covered);
-        self.crossing_points[1].sort_unstable();
-        self.crossing_points[1].dedup();
+        self.crossings.swap(0, 1);
+        self.crossings[1] = PartCrossings::of(&self.mesh, [&a.positions, &b.positions]);
         self.latest = sample;
         Ok(())
-    }
-
-    /// Points of a closed surface that lie inside another part of it, at the latest positions: those in `region`, which holds the
-    /// triangles that cross, and all that the surface joins to them inside.
-    fn covered_points(&self, region: &Aabb) -> Vec<u32> {
-        let (triangles, x) = (self.mesh.triangles(), self.mesh.positions());
-        if !self.mesh.is_closed() || self.crossings == 0 {
-            return Vec::new();
-        }
-        // A little outside of the surface around the point: inside only if another part of the body is there.
-        let mut outwards = vec![Vec3::zeros(); x.len()];
-        let mut edges = Vec::with_capacity(3 * triangles.len());
-        for corners in triangles {
-            let [a, b, c] = corners.map(|point| x[point as usize]);
-            let normal = (b - a).cross(&(c - a));
-            corners.iter().for_each(|&point| outwards[point as usize] += normal);
-            // Each edge of a closed surface is an edge of another triangle, the other way round.
-            edges.extend((0..3).map(|corner| [corners[corner], corners[(corner + 1) % 3]]));
-        }
-        edges.sort_unstable();
-        let is_covered = |point: u32| {
-            let (place, across) = (x[point as usize], outwards[point as usize]);
-            let length = across.norm().sqrt();
-            let outside = across.try_normalize(0.0).map(|n| place + n * (tolerances::BESIDE_SURFACE * length));
-            outside.is_some_and(|p| self.mesh.winding_number(&p) > 0)
-        };
-        let mut found = vec![false; x.len()];
-        let within = |point: &u32| region.overlaps(&Aabb::of_point(&x[*point as usize]));
-        let mut next: Vec<u32> = (0..x.len() as u32).filter(within).collect();
-        let mut is_asked = vec![false; x.len()];
-        next.iter().for_each(|point| is_asked[*point as usize] = true);
-        while let Some(point) = next.pop() {
-            if !is_covered(point) {
-                continue;
-            }
-            found[point as usize] = true;
-            let first = edges.partition_point(|[from, _]| *from < point);
-            for [_, to] in edges[first..].iter().take_while(|[from, _]| *from == point) {
-                if !std::mem::replace(&mut is_asked[*to as usize], true) {
-                    next.push(*to);
-                }
-            }
-        }
-        (0..x.len() as u32).filter(|point| found[*point as usize]).collect()
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.
     fn crossings_that_count(&self) -> Crossings {
         if self.mesh.is_closed() { Crossings::Entering } else { Crossings::Any }
     }
-}
-
-/// The points of some triangles and of their neighbours, ascending.
-fn points_around(triangles: &[[u32; 3]], some: &[u32]) -> Vec<u32> {
-    let mut points: Vec<u32> = some.iter().flat_map(|&t| triangles[t as usize]).collect();
-    for _ in 0..CROSSING_RINGS {
-        points.sort_unstable();
-        points.dedup();
-        let touches = |t: &&[u32; 3]| t.iter().any(|point| points.binary_search(point).is_ok());
-        let more: Vec<u32> =
-            if points.is_empty() { Vec::new() } else { triangles.iter().filter(touches).flatten().copied().collect() };
-        points.extend(more);
-    }
-    points.sort_unstable();
-    points.dedup();
-    points
 }

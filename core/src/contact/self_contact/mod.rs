@@ -251,13 +251,13 @@ impl SelfContact {
         if let Some(repulsions) = &mut self.repulsions {
             let tangle = self.geometric.as_ref().map(|g| &g.tangle).filter(|tangle| !tangle.is_empty());
             let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
-            let (crosses_itself, points) = (bodies.cross_themselves(), self.surface.body_points());
+            let (has_deep_parts, points) = (bodies.have_deep_parts(), self.surface.body_points());
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
                 tangle.is_some_and(|tangle| tangle.lets_pass(pair))
                     || (!self.without_repulsion.is_empty() && is_without_repulsion(pair))
-                    || (crosses_itself && points.emerges(pair, bodies))
+                    || (has_deep_parts && points.are_deep(pair, bodies))
             };
             repulsions.record_orientations(
                 self.surface.nodes(),
@@ -366,9 +366,9 @@ impl SelfContact {
         if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
     }
 
-    /// Vertices of the scene that bodies pinch now, ascending. The ranks ask each other only where a body crosses itself.
+    /// Vertices of the scene that bodies pinch now, ascending. The ranks ask each other only where a part is deep inside another one.
     fn let_go(&self, bodies: &Bodies, body_collision: Option<&BodyCollision>) -> Vec<u32> {
-        let Some(collision) = body_collision.filter(|_| bodies.cross_themselves()) else { return Vec::new() };
+        let Some(collision) = body_collision.filter(|_| bodies.have_deep_parts()) else { return Vec::new() };
         let (place, nodes) = (self.surface.place(), self.surface.nodes());
         let first = nodes.own().start;
         let own: Vec<u32> =
@@ -379,8 +379,7 @@ impl SelfContact {
     }
 
     /// Stops what would pass through something on the paths, of which `used` is the longest way [m]. The ghosts are those of
-    /// before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts of bodies that come out
-    /// of others.
+    /// before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts that are deep inside others.
     fn resolve(
         &mut self,
         (bodies, let_go): (&Bodies, &[u32]),
@@ -392,15 +391,15 @@ impl SelfContact {
         let Some(Geometric { control, work, tangle, pinched, .. }) = geometric else { return LoopOutcome::default() };
         let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
-        let crosses_itself = bodies.cross_themselves();
+        let has_deep_parts = bodies.have_deep_parts();
         let points = surface.body_points();
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
             let is_let_go =
                 |number: &u32| pinched.binary_search(number).is_ok() || let_go.binary_search(number).is_ok();
             let lets_out = || of_body() && pair.nodes.iter().any(is_let_go);
-            let emerges = || crosses_itself && points.emerges(pair, bodies);
-            tangle.lets_pass(pair) || emerges() || (!(pinched.is_empty() && let_go.is_empty()) && lets_out())
+            let is_deep = || has_deep_parts && points.are_deep(pair, bodies);
+            tangle.lets_pass(pair) || is_deep() || (!(pinched.is_empty() && let_go.is_empty()) && lets_out())
         };
         let mut collisions = Collisions {
             surface,

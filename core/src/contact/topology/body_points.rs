@@ -24,8 +24,8 @@ impl BodyPoints {
         Some((body, point - first))
     }
 
-    /// Whether a pair has a point of a body that was deep inside another part of it at the sample before now.
-    pub(crate) fn emerges(&self, pair: &Pair, bodies: &Bodies) -> bool {
-        pair.nodes.iter().any(|number| self.get(*number).is_some_and(|(body, point)| bodies.was_deep(body, point)))
+    /// Whether a pair has a point of a part of a body that is deep inside another one, or comes out of it.
+    pub(crate) fn are_deep(&self, pair: &Pair, bodies: &Bodies) -> bool {
+        pair.nodes.iter().any(|number| self.get(*number).is_some_and(|(body, point)| bodies.is_deep(body, point)))
     }
 }

@@ -8,8 +8,9 @@ use crate::error::IoError;
 use crate::file_summary::ChannelSummary;
 use crate::formats::ChannelSamples;
 
-/// Compounds of a property whose values are indexed keep them under this name.
+/// Compounds of a property whose values are indexed keep them under these names. Those of a transform have values alone.
 const VALUES: &str = ".vals";
+const INDICES: &str = ".indices";
 
 /// Samples of a property of an object, wherever among its properties it is, at their times [s].
 ///
@@ -40,7 +41,7 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
         let numbers = numbers.ok_or_else(|| IoError::data(path, &place, "it does not hold numbers", advice))?;
         Ok((samples.time_sampling().time(index), numbers))
     };
-    (0..count).map(sample).collect()
+    Ok(ChannelSamples { up: None, values: (0..count).map(sample).collect::<Result<_, IoError>>()? })
 }
 
 /// Channels of an archive: the properties of its objects that hold one number or three and change.
@@ -76,10 +77,12 @@ fn find<'a>(compound: &'a Compound, name: &str) -> Option<&'a Samples> {
 fn collect<'a>(compound: &'a Compound, found: &mut Vec<(&'a str, &'a Samples)>) {
     for property in compound.iter() {
         match property.kind() {
-            PropertyKind::Compound(inside) => match inside.samples(VALUES) {
-                Some(samples) => found.push((property.name(), samples)),
-                None => collect(inside, found),
-            },
+            PropertyKind::Compound(inside) => {
+                match inside.samples(VALUES).filter(|_| inside.samples(INDICES).is_some()) {
+                    Some(samples) => found.push((property.name(), samples)),
+                    None => collect(inside, found),
+                }
+            }
             PropertyKind::Scalar(samples) | PropertyKind::Array(samples) if !property.name().starts_with('.') => {
                 found.push((property.name(), samples));
             }

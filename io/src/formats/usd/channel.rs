@@ -7,6 +7,7 @@ use drapery_usd::read::Stage;
 use super::read::frame_rate;
 use crate::error::IoError;
 use crate::formats::ChannelSamples;
+use crate::units::UpAxis;
 
 /// Samples of an attribute of a prim, at their times [s].
 ///
@@ -17,5 +18,7 @@ pub(super) fn read(path: &Path, prim: &str, attribute: &str) -> Result<ChannelSa
     let about = stage.about();
     let (fps, codes_per_frame) = frame_rate(path, about)?;
     let samples = stage.numbers(prim, attribute)?;
-    Ok(samples.into_iter().map(|(code, value)| (code / (codes_per_frame * fps), value)).collect())
+    let values = samples.into_iter().map(|(code, value)| (code / (codes_per_frame * fps), value)).collect();
+    let up = about.up_axis.as_deref().map(|axis| if axis == "Z" { UpAxis::Z } else { UpAxis::Y });
+    Ok(ChannelSamples { up, values })
 }

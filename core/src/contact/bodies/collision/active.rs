@@ -52,8 +52,8 @@ impl BodyCollision {
     /// B.4 has left own vertices, in a step of `dt` [s].
     pub(crate) fn met(&self, v: &[Vec3], dt: f64) -> Vec<ActiveContact> {
         let of_vertex = |vertex: usize| {
-            if let Some(velocity) = self.contacts[vertex].pinching {
-                return Some(ActiveContact::dragged(self.first + vertex, velocity));
+            if let Some(pinch) = self.contacts[vertex].pinching {
+                return pinch.drag.map(|velocity| ActiveContact::dragged(self.first + vertex, velocity));
             }
             let mut holds = self.contacts[vertex].holds.iter().flatten().filter(|hold| hold.constraint.is_some());
             let first = holds.next()?;
@@ -85,8 +85,8 @@ impl Search<'_> {
             let Some(at) = self.nearest(body, x, end) else { continue };
             if at.phi < properties.thickness {
                 let touch = LastContact { body, at, outside: end + at.normal * (gap - at.phi) };
-                if let Some(velocity) = self.pinching(vertex, &touch, touched.as_ref(), end) {
-                    return Some(ActiveContact::dragged(first + vertex, velocity));
+                if let Some(pinch) = self.pinching(vertex, &touch, touched.as_ref(), end) {
+                    return pinch.drag.map(|velocity| ActiveContact::dragged(first + vertex, velocity));
                 }
                 touched = Some(touch);
             }

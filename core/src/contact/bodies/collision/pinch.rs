@@ -1,13 +1,21 @@
 //! Vertices that two surfaces leave no room: in a narrow gap, or where the surfaces have passed through one another.
 //!
-//! Between surfaces that have passed through one another a vertex is dragged along with their mean velocity until there is room again.
+//! In a fold between surfaces that have passed through one another a vertex is dragged along with their mean velocity until there is room
+//! again.
 //! D. Baraff, A. Witkin and M. Kass, "Untangling Cloth", SIGGRAPH 2003, section 5, prescribe that motion; a drag leaves cloth that is
-//! half pinched unstretched.
+//! half pinched unstretched. Where a part is deep inside another one, the cloth around the vertex holds it alone.
 
 use super::{BodyContact, CollisionStep, LastContact, Search, VertexContact};
 use crate::Vec3;
 use crate::contact::bodies::BodyPoint;
 use crate::tolerances::FACING;
+
+/// A vertex that surfaces leave no room: it passes through them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pinch {
+    /// Velocity of the surfaces that drag it along [m/s]; `None` where a part that is deep inside another one leaves it to the cloth around.
+    pub drag: Option<Vec3>,
+}
 
 /// The room between two surfaces that face each other.
 struct Gap {
@@ -28,7 +36,7 @@ impl LastContact {
 
 impl Search<'_> {
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
-    /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
+    /// passed through one another the contacts are given up.
     pub(super) fn resolve_pinch(
         &mut self,
         vertex: usize,
@@ -36,11 +44,11 @@ impl Search<'_> {
         x1: &mut Vec3,
         contact: &mut VertexContact,
         touched: Option<LastContact>,
-    ) -> Option<Vec3> {
+    ) -> Option<Pinch> {
         if let Some(touch) = &touched
-            && let Some(velocity) = self.between_parts(vertex, touch, x1)
+            && let Some(pinch) = self.by_parts(vertex, touch, x1)
         {
-            return Some(velocity);
+            return Some(pinch);
         }
         let mut squeezed = None;
         for body in 0..self.properties.len() {
@@ -52,7 +60,7 @@ impl Search<'_> {
             if let Some(touch) = facing {
                 let (first_at, gap) = (touch.at, self.gap(&touch, &at, x1));
                 if let Some(velocity) = self.between_bodies(&touch, (body, &at), &gap) {
-                    return Some(velocity);
+                    return Some(Pinch { drag: Some(velocity) });
                 }
                 let Gap { room, between, .. } = gap;
                 self.counts.squeezed += 1;
@@ -91,15 +99,18 @@ impl Search<'_> {
         Gap { room, width, between: x - at.normal * (away - room) }
     }
 
-    /// Velocity of the surfaces around a vertex at `x` [m/s] where the body that it has touched crosses itself: their mean, if it lies
-    /// inside one part of the body wherever it is outside of another; its own, if the part comes out of another one through the vertex.
-    fn between_parts(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> Option<Vec3> {
+    /// Whether a vertex at `x` has touched a part that is deep inside another one, or comes out of it, and passes through.
+    fn in_deep_part(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> bool {
+        let carried = self.step.x[vertex] + touch.at.displacement;
+        self.step.bodies.is_in_deep_part(touch.body, touch.at.triangle, [x, &carried], self.search)
+    }
+
+    /// Mean velocity of the surfaces around a vertex at `x` [m/s], if it lies inside one part of the body that it has touched wherever it
+    /// is outside of another.
+    fn between_parts(&self, touch: &LastContact, x: &Vec3) -> Option<Vec3> {
         let bodies = self.step.bodies;
-        if !bodies.may_cross_itself(touch.body, x, self.search) {
+        if !(bodies.may_cross_itself(touch.body, x, self.search) && bodies.contains(touch.body, &touch.outside)) {
             return None;
-        }
-        if !bodies.contains(touch.body, &touch.outside) {
-            return self.emerges(vertex, touch).then_some(self.step.v[vertex]);
         }
         // The other part begins behind the vertex, as seen from the surface that it has touched.
         let behind = x - touch.at.normal * (2.0 * self.search);
@@ -111,35 +122,33 @@ impl Search<'_> {
         Some((touch.at.velocity + other.map_or(touch.at.velocity, |at| at.velocity)) * 0.5)
     }
 
-    /// Whether the part of the body that a vertex has touched comes out of another part, or passes by a vertex inside of it, so fast that
-    /// it would carry the vertex an edge away within a frame.
-    fn emerges(&self, vertex: usize, touch: &LastContact) -> bool {
-        let (bodies, at) = (self.step.bodies, &touch.at);
-        let fast = self.search / bodies.sample_span(touch.body);
-        let relative = at.velocity - self.step.v[vertex];
-        let comes_out = relative.dot(&at.normal) > fast && bodies.was_deep_at(touch.body, at.triangle);
-        let passes_by = || relative.norm() > fast || at.phi < -self.search;
-        comes_out || (passes_by() && bodies.contains(touch.body, &(self.step.x[vertex] + at.displacement)))
-    }
-
     /// The same, if the body that it has touched and one that faces it across this gap have passed through one another.
     fn between_bodies(&self, touch: &LastContact, (body, at): (usize, &BodyPoint), gap: &Gap) -> Option<Vec3> {
         (gap.width <= 0.0 && self.step.bodies.contains(body, &gap.between))
             .then(|| (touch.at.velocity + at.velocity) * 0.5)
     }
 
-    /// The same, of a vertex at `end` that has touched one body and perhaps another one before.
+    /// The pinch of a vertex at `x` by parts of the body that it has touched.
+    fn by_parts(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> Option<Pinch> {
+        if self.in_deep_part(vertex, touch, x) {
+            return Some(Pinch { drag: None });
+        }
+        self.between_parts(touch, x).map(|velocity| Pinch { drag: Some(velocity) })
+    }
+
+    /// The pinch of a vertex at `end` that has touched one body and perhaps another one before.
     pub(super) fn pinching(
         &self,
         vertex: usize,
         touch: &LastContact,
         before: Option<&LastContact>,
         end: &Vec3,
-    ) -> Option<Vec3> {
+    ) -> Option<Pinch> {
         let by_bodies = || {
             let before = before.filter(|before| before.faces(&touch.at))?;
-            self.between_bodies(before, (touch.body, &touch.at), &self.gap(before, &touch.at, end))
+            let velocity = self.between_bodies(before, (touch.body, &touch.at), &self.gap(before, &touch.at, end))?;
+            Some(Pinch { drag: Some(velocity) })
         };
-        self.between_parts(vertex, touch, end).or_else(by_bodies)
+        self.by_parts(vertex, touch, end).or_else(by_bodies)
     }
 }

@@ -1,0 +1,235 @@
+//! Parts of a surface that have passed through one another: a hand in the torso, an armpit in its crease.
+//!
+//! A *fold* is shallow: cloth lies in it, and comes out when it opens. A part that is *deep* inside another one, or moves through its surface
+//! fast, has passed through the cloth between them, or under it. On its way out it would take along all cloth that lies on the other
+//! part, which no animator means. So cloth passes through deep parts, and is outside of them once they have come out.
+
+use std::collections::BTreeMap;
+
+use crate::Vec3;
+use crate::geometry::aabb::Aabb;
+use crate::geometry::moving_surface::MovingSurface;
+use crate::tolerances::{BESIDE_SURFACE, DEEP_PART};
+
+/// Rings of triangles around those that cross each other in which cloth counts as pinched.
+const RINGS: usize = 2;
+
+/// Crossings of a surface with itself at a sample.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PartCrossings {
+    /// Number of pairs of triangles that cross.
+    pairs: usize,
+    /// Box of the triangles that cross and of what is inside another part.
+    region: Aabb,
+    /// Points around these triangles or inside another part, ascending.
+    points: Vec<u32>,
+    /// The same of parts that are deep inside others.
+    deep_region: Aabb,
+    deep_points: Vec<u32>,
+}
+
+impl PartCrossings {
+    /// Finds those at the later of two samples of a mesh, from its positions at both [m].
+    pub(super) fn of(mesh: &MovingSurface, [before, positions]: [&[Vec3]; 2]) -> Self {
+        let found = mesh.self_crossing(positions);
+        let triangles = mesh.triangles();
+        let crossing = found.triangles();
+        if crossing.is_empty() {
+            return Self::default();
+        }
+        let corners = |t: &u32| triangles[*t as usize];
+        let box_of = |points: &mut dyn Iterator<Item = u32>| {
+            points.fold(Aabb::EMPTY, |all, point| all.union(&Aabb::of_point(&positions[point as usize])))
+        };
+        let region = box_of(&mut crossing.iter().flat_map(corners));
+        let covered = covered_points(mesh, positions, &region);
+        let deep = deep_parts(triangles, [before, positions], (&found.pairs, &covered));
+        let with = |some: &[u32], covered: Vec<u32>| {
+            let mut points = points_around(triangles, some);
+            points.extend(covered);
+            points.sort_unstable();
+            points.dedup();
+            points
+        };
+        let deep_crossing: Vec<u32> =
+            crossing.iter().copied().filter(|t| corners(t).iter().any(|point| deep.contains(*point))).collect();
+        let deep_points = with(&deep_crossing, covered.iter().copied().filter(|point| deep.contains(*point)).collect());
+        Self {
+            pairs: found.pairs.len(),
+            region: box_of(&mut crossing.iter().flat_map(corners).chain(covered.iter().copied())),
+            deep_region: box_of(&mut deep_points.iter().copied()),
+            points: with(&crossing, covered),
+            deep_points,
+        }
+    }
+
+    /// Number of pairs of triangles that cross.
+    pub(super) fn pairs(&self) -> usize {
+        self.pairs
+    }
+
+    /// Box around everything [m].
+    pub(super) fn region(&self) -> &Aabb {
+        &self.region
+    }
+
+    /// Box around what is deep inside another part, and the triangles that cross there [m].
+    pub(super) fn deep_region(&self) -> &Aabb {
+        &self.deep_region
+    }
+
+    /// Whether a point is close to a crossing, or inside another part.
+    pub(super) fn is_near(&self, point: u32) -> bool {
+        self.points.binary_search(&point).is_ok()
+    }
+
+    /// The same for parts that are deep inside others.
+    pub(super) fn is_deep(&self, point: u32) -> bool {
+        self.deep_points.binary_search(&point).is_ok()
+    }
+
+    /// Whether there are such parts.
+    pub(super) fn has_deep_parts(&self) -> bool {
+        !self.deep_points.is_empty()
+    }
+}
+
+/// Points of a closed surface that lie inside another part of it: those in `region`, which holds the triangles that cross, and all that the
+/// surface joins to them inside, ascending.
+fn covered_points(mesh: &MovingSurface, x: &[Vec3], region: &Aabb) -> Vec<u32> {
+    if !mesh.is_closed() {
+        return Vec::new();
+    }
+    // A little outside of the surface around the point: inside only if another part of the body is there.
+    let mut outwards = vec![Vec3::zeros(); x.len()];
+    let mut edges = Vec::with_capacity(3 * mesh.triangles().len());
+    for corners in mesh.triangles() {
+        let [a, b, c] = corners.map(|point| x[point as usize]);
+        let normal = (b - a).cross(&(c - a));
+        corners.iter().for_each(|&point| outwards[point as usize] += normal);
+        // Each edge of a closed surface is an edge of another triangle, the other way round.
+        edges.extend((0..3).map(|corner| [corners[corner], corners[(corner + 1) % 3]]));
+    }
+    edges.sort_unstable();
+    let is_covered = |point: u32| {
+        let (place, across) = (x[point as usize], outwards[point as usize]);
+        let length = across.norm().sqrt();
+        let outside = across.try_normalize(0.0).map(|n| place + n * (BESIDE_SURFACE * length));
+        outside.is_some_and(|p| mesh.winding_number(&p) > 0)
+    };
+    let mut is_asked: Vec<bool> = x.iter().map(|place| region.overlaps(&Aabb::of_point(place))).collect();
+    let mut next: Vec<u32> = (0..x.len() as u32).filter(|point| is_asked[*point as usize]).collect();
+    let mut found = Vec::new();
+    while let Some(point) = next.pop() {
+        if !is_covered(point) {
+            continue;
+        }
+        found.push(point);
+        let first = edges.partition_point(|[from, _]| *from < point);
+        for [_, to] in edges[first..].iter().take_while(|[from, _]| *from == point) {
+            if !std::mem::replace(&mut is_asked[*to as usize], true) {
+                next.push(*to);
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Points by the places where the surface crosses itself; of each place, whether a part is deep inside another one there.
+struct DeepParts {
+    place_of: BTreeMap<u32, u32>,
+    is_deep: BTreeMap<u32, bool>,
+}
+
+impl DeepParts {
+    fn contains(&self, point: u32) -> bool {
+        self.place_of.get(&point).is_some_and(|place| self.is_deep[place])
+    }
+}
+
+/// Parts that are deep inside others: with a `covered` point farther from the surface of the other part than a share of the surface's
+/// size, or with triangles that have moved past one another by as much since the sample before.
+fn deep_parts(triangles: &[[u32; 3]], [before, x]: [&[Vec3]; 2], (pairs, covered): (&[[u32; 2]], &[u32])) -> DeepParts {
+    let bounds = x.iter().fold([x[0]; 2], |[low, high], place| [low.inf(place), high.sup(place)]);
+    let deep = DEEP_PART * (bounds[1] - bounds[0]).norm();
+    let is_covered = |point: &u32| covered.binary_search(point).is_ok();
+    // What the surface joins inside is one side of a place.
+    let mut sides = Joined::default();
+    for corners in triangles {
+        let inside: Vec<u32> = corners.iter().copied().filter(is_covered).collect();
+        inside.iter().for_each(|point| sides.join(inside[0], *point));
+    }
+    let mut places = sides.clone();
+    let mut at_crossings = Vec::new();
+    for pair in pairs {
+        let corners: Vec<u32> = pair.iter().flat_map(|t| triangles[*t as usize]).collect();
+        corners.iter().for_each(|point| places.join(corners[0], *point));
+        at_crossings.extend(corners);
+    }
+    let place_of: BTreeMap<u32, u32> =
+        at_crossings.iter().chain(covered).map(|point| (*point, places.first_of(*point))).collect();
+    let mut is_deep: BTreeMap<u32, bool> = place_of.values().map(|place| (*place, false)).collect();
+    for [a, b] in pairs {
+        let corners = |t: u32| triangles[t as usize];
+        let moved = |t: u32| corners(t).iter().map(|p| x[*p as usize] - before[*p as usize]).sum::<Vec3>() / 3.0;
+        if (moved(*a) - moved(*b)).norm() > deep {
+            is_deep.insert(place_of[&corners(*a)[0]], true);
+        }
+    }
+    // Covered points by cells; the corners of crossing triangles lie on both sides.
+    let cell = |point: u32| (x[point as usize] / deep).map(|coordinate| coordinate.floor() as i64).into();
+    let mut cells: BTreeMap<[i64; 3], Vec<(u32, u32)>> = BTreeMap::new();
+    let by_side = covered.iter().map(|point| (*point, sides.first_of(*point)));
+    for (point, side) in by_side.clone().chain(at_crossings.iter().map(|point| (*point, u32::MAX))) {
+        cells.entry(cell(point)).or_default().push((point, side));
+    }
+    for (point, side) in by_side {
+        let [i, j, k] = cell(point);
+        let mut around =
+            (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [i + a, j + b, k + c])));
+        let is_near = |&(other, of): &(u32, u32)| {
+            of != side && (x[other as usize] - x[point as usize]).norm_squared() < deep * deep
+        };
+        if !around.any(|cell| cells.get(&cell).is_some_and(|points| points.iter().any(is_near))) {
+            is_deep.insert(place_of[&point], true);
+        }
+    }
+    DeepParts { place_of, is_deep }
+}
+
+/// Points that are joined, by the smallest of them.
+#[derive(Clone, Default)]
+struct Joined(BTreeMap<u32, u32>);
+
+impl Joined {
+    fn first_of(&self, mut point: u32) -> u32 {
+        while let Some(next) = self.0.get(&point) {
+            point = *next;
+        }
+        point
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [a, b].map(|point| self.first_of(point));
+        if a != b {
+            self.0.insert(a.max(b), a.min(b));
+        }
+    }
+}
+
+/// The points of some triangles and of their neighbours, ascending.
+fn points_around(triangles: &[[u32; 3]], some: &[u32]) -> Vec<u32> {
+    let mut points: Vec<u32> = some.iter().flat_map(|&t| triangles[t as usize]).collect();
+    for _ in 0..RINGS {
+        points.sort_unstable();
+        points.dedup();
+        let touches = |t: &&[u32; 3]| t.iter().any(|point| points.binary_search(point).is_ok());
+        let more: Vec<u32> =
+            if points.is_empty() { Vec::new() } else { triangles.iter().filter(touches).flatten().copied().collect() };
+        points.extend(more);
+    }
+    points.sort_unstable();
+    points.dedup();
+    points
+}
