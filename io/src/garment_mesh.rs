@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use crate::error::IoError;
 use crate::mesh_cut::into_triangles;
 use crate::mesh_data::MeshData;
+use crate::units::InputUnits;
 
 /// Reader of the mesh of a garment.
 pub trait GarmentReader: Send + Sync {
@@ -33,6 +34,11 @@ pub trait GarmentReader: Send + Sync {
     /// # Errors
     /// They cannot be read.
     fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError>;
+
+    /// Unit and up axis in which its file is read; `None` for a mesh of no file.
+    fn units(&self) -> Option<InputUnits> {
+        None
+    }
 }
 
 /// A mesh in memory.
@@ -109,6 +115,11 @@ impl GarmentMesh {
         !self.path.as_os_str().is_empty()
     }
 
+    /// Unit and up axis in which its file is read; `None` where it was generated.
+    pub fn units(&self) -> Option<InputUnits> {
+        self.reader.units()
+    }
+
     /// Reads the mesh.
     ///
     /// # Errors
@@ -148,6 +159,10 @@ struct Cut(GarmentMesh);
 impl GarmentReader for Cut {
     fn read(&self) -> Result<MeshData, IoError> {
         Ok(cut(self.0.read()?))
+    }
+
+    fn units(&self) -> Option<InputUnits> {
+        self.0.units()
     }
 
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {

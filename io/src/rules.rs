@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 23] = [
+pub static RULES: [Rule; 26] = [
     Rule {
         name: "no_gravity",
         finds: "a scene without gravity",
@@ -66,7 +66,8 @@ pub static RULES: [Rule; 23] = [
         exactly: "Contact keeps the vertices of cloth out of a body. The thickness that the faces of cloth and body \
                   need, over 95 % of the body's area in its first frame, follows from the sizes of the faces and from \
                   the angles between the body's faces ([the scene file](scene.md)). Nine tenths of it are enough. \
-                  Silent if the scene sets no thickness: the default is at least the needed one.",
+                  Silent if the scene sets no thickness: the default is at least the needed one. Garments that are modelled closer to \
+                  the body are pushed out by it, as `start_close` tells.",
         line: "thickness = \"4 mm\"",
     },
     Rule {
@@ -94,6 +95,15 @@ pub static RULES: [Rule; 23] = [
                   person, without files) that would not be as large in the unit of the files, and ground that stands \
                   upright under `up = \"Z\"`. Gravity is compared with the earth's in each unit of length.",
         line: "shape = { sphere = { radius = \"25 cm\" } }",
+    },
+    Rule {
+        name: "garment_units",
+        finds: "a garment from a file that is far too small or too large for the bodies, but would fit one in another unit",
+        exactly: "The diagonals of bounding boxes at rest are compared, with bodies from files in their first pose. A garment is found if \
+                  three conditions hold. It is less than a twentieth or more than twenty times as large as every body. In another \
+                  unit of length it would be between a fifth and five times as large as one of them. Its box would then overlap \
+                  that body's. A handkerchief or a patch where it belongs is not found: in another unit it would lie far away.",
+        line: "length = \"m\"",
     },
     Rule {
         name: "wind_speed",
@@ -130,6 +140,15 @@ pub static RULES: [Rule; 23] = [
         exactly: "Free vertices of garments that collide with the body are tested. The body draws them out at the start. A garment \
                   with more vertices inside than outside, or deeper than ten edges, is refused.",
         line: "start = \"coat.abc@990\"",
+    },
+    Rule {
+        name: "start_close",
+        finds: "garments of which many vertices start closer to a mesh body than its thickness, so that they are pushed out",
+        exactly: "A garment is found if more than one in twenty of its vertices without a pin are closer than nine tenths of the thickness, \
+                  and the closest is pushed by a millimetre or more. It is the thickness of the body, which is chosen automatically if the \
+                  scene sets none, or of a `[[contact]]`. Less thickness strains the garment less, but may let the body show through \
+                  coarse cloth, as `thin_body` tells. Where both matter, model the garment further off, or give it smaller faces.",
+        line: "thickness = \"1.5 mm\"",
     },
     Rule {
         name: "start_layers",
@@ -170,6 +189,14 @@ pub static RULES: [Rule; 23] = [
                   garments, or more than 5 cm. The stitch then pulls over that distance, or keeps it with `keep_gap`. \
                   Other seams are meant to close a gap, and are not tested.",
         line: "start = \"patch.abc@1\"",
+    },
+    Rule {
+        name: "seam_lengths",
+        finds: "a seam or a zip of which one side is longer than the other by more than a third",
+        exactly: "Lengths count along the sewn vertices at rest. Up to a tenth is the ease of a sleeve, up to a quarter the stretch of a \
+                  knitted band; gathers begin at a half. A ruffle is gathered on purpose: silence the rule. Sides of fewer than four \
+                  vertices, such as buttons, and seams to a surface are not tested.",
+        line: "where = { box = { min = [-0.002, 0, -1], max = [0.002, 0.74, 1] } }",
     },
     Rule {
         name: "unopened_format",

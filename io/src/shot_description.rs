@@ -1,5 +1,6 @@
 //! Result of reading a scene file: a scene with its files opened, and the output that is written of it.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -97,6 +98,19 @@ pub struct CheckDescription {
     pub fabrics: Vec<Option<Fabric>>,
     /// For each body whether the scene itself says its friction. Shorter lists mean no.
     pub has_own_friction: Vec<bool>,
+    /// Lines of the scene file by the objects that messages name by their number alone, such as `seam 0`: the same object behind its
+    /// place in the file, as in `scene.toml:12: garment "left" and garment "right", seam 0`.
+    pub lines: BTreeMap<String, String>,
+}
+
+impl CheckDescription {
+    /// The object of a message, with its line in the scene file in front where the object has a number in the place of a name.
+    pub fn with_line(&self, object: &str) -> String {
+        let ends = object.match_indices([',', ' ']).map(|(end, _)| end).chain([object.len()]);
+        // The longest name: `garment "sheet", pin 1` and not `garment "sheet"`.
+        let found = ends.filter_map(|end| self.lines.get(&object[..end]).map(|line| (end, line))).last();
+        found.map_or_else(|| object.to_owned(), |(end, line)| format!("{line}{}", &object[end..]))
+    }
 }
 
 /// The material of a garment, as far as checks and reports look at it.

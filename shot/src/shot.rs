@@ -166,6 +166,7 @@ impl Shot {
             problems.extend(long_frames::judge(&simulation.planned_steps(), min_dt, &mut warnings));
         }
         let Some(remote_simulation) = remote_simulation.filter(|_| problems.is_empty()) else {
+            problems.iter_mut().for_each(|problem| problem.place = check.with_line(&problem.place));
             return Err(ShotError::Problems(Problems(problems)));
         };
         warnings.extend_from_slice(remote_simulation.simulation().warnings());
@@ -183,6 +184,7 @@ impl Shot {
         of_rules.extend(rules::of_bindings(&bindings, &check.silenced));
         let origin = remote_simulation.simulation().scene().origin();
         let attributes = point_attributes::planned(&about.output, origin, (&written, &thickness), &render_meshes)?;
+        of_rules.iter_mut().for_each(|warning| warning.object = check.with_line(&warning.object));
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
         Ok(Self { remote_simulation, inputs, garments, written, render_meshes, attributes, about, warnings })
     }

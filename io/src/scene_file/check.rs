@@ -1,5 +1,7 @@
 //! Parts of a scene file that only the rules of a scene look at.
 
+use std::collections::BTreeMap;
+
 use crate::rules::{RULES, find};
 use crate::shot_description::CheckDescription;
 
@@ -24,6 +26,40 @@ impl Resolver<'_> {
         let has_own_friction = (0..self.scene.document.body.len())
             .map(|index| friction(index).is_some_and(|node| of_scene(&node.origin)))
             .collect();
-        CheckDescription { silenced, fabrics: self.scene.fabrics.clone(), has_own_friction }
+        CheckDescription { silenced, fabrics: self.scene.fabrics.clone(), has_own_friction, lines: self.lines() }
+    }
+
+    /// The lines of what messages name by number: seams, rules of contact, pins, elastic bands and curves.
+    fn lines(&self) -> BTreeMap<String, String> {
+        let (document, root) = (&self.scene.document, &self.scene.root);
+        let at = |path: &Path| {
+            let location = self.scene.sources.location(&path.place(root));
+            format!("{}:{}", location.source_name, location.line_column().0)
+        };
+        let mut lines = BTreeMap::new();
+        for (number, seam) in document.seam.iter().enumerate() {
+            let (name, path) = (format!("seam {number}"), Path::default().key("seam").index(number));
+            let [from, to] = [&seam.from, &seam.to].map(|side| &side.garment);
+            lines.insert(name.clone(), format!("{}: garment \"{from}\" and garment \"{to}\", {name}", at(&path)));
+        }
+        let mut named = |name: String, path: &Path| lines.insert(name.clone(), format!("{}: {name}", at(path)));
+        for number in 0..document.contact.len() {
+            named(format!("contact {number}"), &Path::default().key("contact").index(number));
+        }
+        // Pins and bands are counted through all garments.
+        let (mut pins, mut bands) = (0.., 0..);
+        for (index, garment) in document.garment.iter().enumerate() {
+            let path = |key: &str, own: usize| Path::default().key("garment").index(index).key(key).index(own);
+            for (own, number) in (0..garment.pin.len()).zip(&mut pins) {
+                named(format!("garment \"{}\", pin {number}", garment.name), &path("pin", own));
+            }
+            for (own, number) in (0..garment.elastic.len()).zip(&mut bands) {
+                named(format!("garment \"{}\", elastic {number}", garment.name), &path("elastic", own));
+            }
+        }
+        for curve in &self.scene.curves {
+            named(format!("curve of {}", curve.number), &curve.path);
+        }
+        lines
     }
 }

@@ -77,6 +77,10 @@ impl GarmentReader for FromFile {
         Ok(MeshData { purpose: None, render_mesh_of: None, ..data })
     }
 
+    fn units(&self) -> Option<InputUnits> {
+        Some(self.units)
+    }
+
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
         self.open()?.points_at(self.time, take)
     }

@@ -4,6 +4,7 @@
 mod body_friction;
 mod density;
 mod frame_rate;
+mod garment_units;
 mod idle_setting;
 mod no_gravity;
 mod no_self_collision;
@@ -11,7 +12,9 @@ mod other_diagonal;
 mod outside_shot;
 mod render_mesh;
 mod seam_gap;
+mod seam_lengths;
 mod shape_units;
+mod start_close;
 mod start_speed;
 mod start_state;
 mod thickness_lowered;
@@ -113,16 +116,19 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("other_diagonal", Look::OtherCuts(other_diagonal::find)),
     ("body_friction", Look::Facts(body_friction::find)),
     ("shape_units", Look::Facts(shape_units::find)),
+    ("garment_units", Look::Facts(garment_units::find)),
     ("wind_speed", Look::Facts(wind_speed::find)),
     ("start_speed", Look::Facts(start_speed::find)),
     ("density", Look::Facts(density::find)),
     ("start_crossed", Look::Simulation(start_state::find_crossings)),
     ("start_inside", Look::Simulation(start_state::find_inside)),
+    ("start_close", Look::Facts(start_close::find)),
     ("start_layers", Look::Simulation(start_state::find_layers)),
     ("start_lengths", Look::Simulation(start_state::find_lengths)),
     ("idle_setting", Look::Facts(idle_setting::find)),
     ("outside_shot", Look::Facts(outside_shot::find)),
     ("seam_gap", Look::Facts(seam_gap::find)),
+    ("seam_lengths", Look::Facts(seam_lengths::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),
@@ -179,6 +185,11 @@ impl Facts<'_> {
     /// Whether the scene has an effect, or was told to do without.
     fn has_decided_on(&self, effect: &str) -> bool {
         self.request(effect).is_some() || self.scene.left_out.iter().any(|left_out| left_out == effect)
+    }
+
+    /// Positions of a garment at the start [m]; a garment that cannot be read is reported elsewhere.
+    fn start_of(&self, garment: usize) -> Option<Vec<Vec3>> {
+        self.scene.garments[garment].start.clone().or_else(|| self.garments[garment].positions().ok())
     }
 
     /// Returns the motions that come from files.

@@ -1,6 +1,5 @@
 //! Seams to a surface that is far from their vertices.
 
-use drapery_core::Vec3;
 use drapery_core::scene::{FacePoint, SeamDescription};
 use drapery_core::tolerances::{FAR_BOUND, FAR_BOUND_EDGES, FAR_BOUND_THICKNESSES};
 
@@ -13,7 +12,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
 
 /// The vertices of a seam that start far from their faces, if there are any.
 fn of_seam(facts: &Facts<'_>, number: usize, seam: &SeamDescription) -> Option<Finding> {
-    let [from, to] = seam.garments.map(|garment| start(facts, garment));
+    let [from, to] = seam.garments.map(|garment| facts.start_of(garment));
     let (from, to) = (from?, to?);
     let garments = seam.garments.map(|garment| &facts.scene.garments[garment]);
     let thickness: f64 = garments.iter().map(|garment| garment.thickness).sum();
@@ -36,9 +35,4 @@ fn of_seam(facts: &Facts<'_>, number: usize, seam: &SeamDescription) -> Option<F
         seam.faces.len()
     );
     Some(Finding { object: format!("seam {number}"), message, line: String::new() })
-}
-
-/// Positions of a garment at the start [m]; a garment that cannot be read is reported elsewhere.
-fn start(facts: &Facts<'_>, garment: usize) -> Option<Vec<Vec3>> {
-    facts.scene.garments[garment].start.clone().or_else(|| facts.garments[garment].positions().ok())
 }

@@ -19,7 +19,8 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
                 object: format!("body \"{}\"", body.name),
                 message: format!(
                     "its thickness is {:.2} mm, but faces of cloth and body as coarse as these need {needed:.2} mm \
-                     over its curvature: the body may show through between vertices; finer garments need less",
+                     over its curvature: the body may show through between vertices; finer garments need less. Garments that are \
+                     modelled closer to the body than that are pushed out at the start (rule `start_close`)",
                     body.thickness * 1e3
                 ),
                 line: format!("thickness = \"{needed:.2} mm\", or leave it out"),

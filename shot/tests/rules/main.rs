@@ -11,6 +11,7 @@ use drapery_shot::Shot;
 use drapery_shot::rules::Warning;
 
 mod start;
+mod units;
 
 /// A sheet that no rule has anything to say about.
 const SHEET: &str = r#"drapery = 1
@@ -474,6 +475,64 @@ fn patches_far_from_the_surface_that_they_are_sewn_to_are_told() {
         ],
         &[&patch("1.04", "")],
     );
+}
+
+#[test]
+fn a_seam_that_gathers_is_told_with_its_line_and_both_lengths() {
+    // Two sheets side by side, sewn at edges of 1 m with 13 vertices.
+    let zip = |low: &str, keys: &str| {
+        let side = |name: &str, low: &str| {
+            format!("{{ garment = \"{name}\", where = {{ box = {{ min = [5.84, 0, {low}], max = [5.9, 2, 1] }} }} }}")
+        };
+        with(&format!(
+            "[[garment]]\nname = \"right\"\nmaterial = \"cotton_shirting\"\n\
+             panel = {{ resolution = 12, center = [6.742, 1, 0] }}\n\
+             [[seam]]\nfrom = {}\nto = {}\nstrength = 1\n{keys}\n",
+            side("sheet", "-1"),
+            side("right", low)
+        ))
+    };
+    rule(
+        "seam_lengths",
+        without_file,
+        &[(
+            &zip("-0.1", "zip = true"),
+            &[
+                "seam_lengths: scene.toml:15: garment \"sheet\" and garment \"right\", seam 0: the side `from`, 13 vertices of ",
+                "garment \"sheet\", is 1.000 m long at rest, and the side `to`, 8 vertices of garment \"right\", is 0.583 m",
+                "silence this rule",
+                "help: write regions with the same ends",
+            ],
+        )],
+        &[&zip("-1", "zip = true"), &zip("-0.35", "")],
+    );
+}
+
+#[test]
+fn problems_of_what_has_a_number_and_no_name_begin_with_its_line() {
+    let seam = "[[seam]]\nfrom = { garment = \"sheet\", corners = [\"i0j0\"] }\n\
+                to = { garment = \"sheet\", corners = [\"inj0\"] }\nstrength = 1\n";
+    let contact = "[[contact]]\nbetween = [\"sheet\", \"ball\"]\nfriction = 0.3\n";
+    for (scene, words) in [
+        (
+            with(&format!("{seam}opened = 2\n")),
+            "scene.toml:11: garment \"sheet\" and garment \"sheet\", seam 0: it has an `opened`",
+        ),
+        (
+            with(&format!("{BALL}{contact}{contact}")),
+            "scene.toml:17: contact 1, garment \"sheet\" and body \"ball\": there is another",
+        ),
+        (
+            with("[[garment.elastic]]\nvertices = [0, 143]\nstiffness = 1\n"),
+            "scene.toml:11: garment \"sheet\", elastic 0: no edge",
+        ),
+    ] {
+        let parsed =
+            scene_file::parse(&scene, "scene.toml", Path::new(""), &[]).unwrap_or_else(|error| panic!("{error}"));
+        let shot = parsed.resolve().unwrap_or_else(|errors| panic!("{errors:?}\n{scene}"));
+        let error = Shot::prepare(shot, None).map(|_| ()).expect_err("the scene contradicts itself").to_string();
+        assert!(error.contains(words), "{error}\n{scene}");
+    }
 }
 
 /// Sheets of n × n points, 1 m wide, at these heights [m], as OBJ; the faces of those that are turned look down.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{BALL, SHEET, rule, sheets, with, without_file};
+use super::{BALL, HERO, SHEET, round_hero, rule, sheets, with, without_file};
 
 #[test]
 fn garments_that_start_crossed_are_told_with_how_often_and_where() {
@@ -94,5 +94,35 @@ fn edges_that_start_far_too_long_or_without_length_are_told() {
             (&from_files("pose.obj"), &["garment \"sheet\": 56 edges, of which 1 have no length at the start"]),
         ],
         &[&jittered("0.05"), &from_files("small.obj"), &from_files("rest.obj")],
+    );
+}
+
+#[test]
+fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_remedies() {
+    // The body is a ball with its top at 0.8 m; the middle of the sheet is above it.
+    let over = |height: &str, keys: &str| {
+        let sheet = format!("resolution = 4, aspect = 1.0, side = 0.4, center = [0, {height}, 0]");
+        SHEET.replace("resolution = 12, center = [5, 1, 0]", &sheet) + &HERO.replace("hero.abc", "hero.obj") + keys
+    };
+    let how = " of its 25 free vertices start closer to body \"hero\" than its thickness of ";
+    rule(
+        "start_close",
+        round_hero,
+        &[
+            (
+                &over("0.801", ""),
+                &["garment \"sheet\", vertex 12: ", how, " mm, chosen automatically", "at 1.00 mm", "rule `thin_body`"],
+            ),
+            (
+                &over("0.801", "thickness = \"40 mm\"\n"),
+                &[
+                    "vertex 12: ",
+                    "of 40.00 mm, which the scene sets",
+                    "model it at least 40.00 mm off",
+                    "help: write thickness = \"",
+                ],
+            ),
+        ],
+        &[&over("1.5", ""), &over("0.801", "[[contact]]\nbetween = [\"sheet\", \"hero\"]\nignore = true\n")],
     );
 }
