@@ -2,14 +2,12 @@
 
 use std::borrow::Cow;
 
+use drapery_core::effects::self_repulsion;
 use drapery_core::settings::Default;
 
 use crate::materials::Material;
 
 use super::tree::{Node, Origin, Place, Table, Value};
-
-/// The effect with contact of cloth with cloth.
-const REPULSION: &str = "self_repulsion";
 
 /// A garment and its material.
 struct Worn<'a> {
@@ -63,7 +61,7 @@ fn fill_friction_on_bodies(root: &mut Node, worn: &[Worn<'_>], bodies: &[(String
 /// Friction of cloth on cloth where `[self_repulsion]` does not say it: the mean of both materials. The table gets the largest, and the
 /// pairs with another one get rules. A garment without a material has the default of the table.
 fn fill_friction_on_cloth(root: &mut Node, worn: &[Worn<'_>]) {
-    let Some(table) = root.as_table_mut().and_then(|root| root.get_mut(REPULSION)) else { return };
+    let Some(table) = root.as_table_mut().and_then(|root| root.get_mut(self_repulsion::SPEC.name)) else { return };
     let place = table.place.clone();
     let Some(table) = table.as_table_mut().filter(|table| table.get("friction").is_none()) else { return };
     let friction = |garment: &Worn<'_>| garment.material.map_or_else(default_friction, |material| material.friction);
@@ -89,8 +87,7 @@ fn fill_friction_on_cloth(root: &mut Node, worn: &[Worn<'_>]) {
 
 /// Friction of cloth on cloth without a material.
 fn default_friction() -> f64 {
-    let fields = drapery_core::effects::find(REPULSION).map_or(&[][..], |spec| spec.fields);
-    match fields.iter().find(|field| field.name == "friction").map(|field| &field.default) {
+    match self_repulsion::SPEC.fields.iter().find(|field| field.name == "friction").map(|field| &field.default) {
         Some(Default::Number(friction)) => *friction,
         _ => 0.0,
     }
@@ -145,12 +142,14 @@ fn named(item: &Node) -> Option<(String, Place)> {
 
 #[cfg(test)]
 mod tests {
+    use drapery_core::effects::self_repulsion;
     use drapery_core::scene::ContactSide::{self, Body, Garment};
 
     use crate::scene_file::parse;
+    use crate::shot_description::ShotDescription;
 
     /// A scene with a garment of each material; none where it is empty.
-    fn scene(materials: &[&str], more: &str) -> crate::ShotDescription {
+    fn scene(materials: &[&str], more: &str) -> ShotDescription {
         let mut text = "drapery = 1\nshot.frames = \"1-2\"\n[gravity]\n".to_owned();
         for (name, material) in ["coat", "lining", "scarf"].iter().zip(materials) {
             let mass = if material.is_empty() { "density = 0.2".into() } else { format!("material = \"{material}\"") };
@@ -162,8 +161,9 @@ mod tests {
     }
 
     /// Friction of `[self_repulsion]`, and the rules.
-    fn friction(shot: &crate::ShotDescription) -> (f64, Vec<([ContactSide; 2], f64)>) {
-        let request = shot.scene.effects.iter().find(|request| request.effect == "self_repulsion").expect("asked for");
+    fn friction(shot: &ShotDescription) -> (f64, Vec<([ContactSide; 2], f64)>) {
+        let request =
+            shot.scene.effects.iter().find(|request| request.effect == self_repulsion::SPEC.name).expect("asked for");
         let rules = shot.scene.contacts.iter().filter_map(|rule| Some((rule.between, rule.friction?))).collect();
         (request.settings.number("friction"), rules)
     }

@@ -71,7 +71,7 @@ struct Surface {
     mesh: MovingSurface,
     /// The later of the two samples that the mesh moves between.
     latest: Sample,
-    /// Where it crosses itself at the two samples.
+    /// Crossings with itself at the two samples.
     crossings: [PartCrossings; 2],
     /// Fastest point between the samples [m/s].
     speed: f64,
