@@ -130,21 +130,13 @@ fn cloth_comes_free_of_a_hand_that_was_deep_in_a_torso() {
             let strain =
                 |[a, b]: &[usize; 2]| (x[*a] - x[*b]).norm() / (rest.points[*a] - rest.points[*b]).norm() - 1.0;
             most = edges.iter().map(strain).fold(most, f64::max);
-            eprintln!(
-                "{integrator:?} {} {} strain {} pinched {} x {}",
-                summary.frame,
-                simulation.crossings().len(),
-                edges.iter().map(strain).fold(0.0, f64::max),
-                pinched,
-                x.iter().map(|x| x.x).fold(f64::NEG_INFINITY, f64::max)
-            );
             if summary.frame >= 14 {
                 let farthest = x.iter().map(|x| x.x).fold(f64::NEG_INFINITY, f64::max);
                 left.push((summary.frame, simulation.crossings().len(), farthest));
             }
         });
         assert!(pinched > 0, "{integrator:?}: the arm passes through the sheet");
-        //assert!(most < 0.5, "{integrator:?}: an edge is strained by {most}");
+        assert!(most < 0.5, "{integrator:?}: an edge is strained by {most}");
         // The arm has left the torso at frame 9.
         let free = left.iter().all(|(_, crossings, farthest)| *crossings == 0 && *farthest < 0.03);
         assert!(free, "{integrator:?}: frame, crossings, farthest vertex: {left:?}");

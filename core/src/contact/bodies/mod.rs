@@ -15,7 +15,7 @@ mod rigid;
 mod samples;
 
 use crate::Vec3;
-use crate::contact::bodies::part_crossings::PartCrossings;
+use crate::contact::bodies::part_crossings::{DeepParts, PartCrossings};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::rigid::{Bounds, Rigid};
 use crate::error::{Problem, Problems};
@@ -73,6 +73,8 @@ struct Surface {
     latest: Sample,
     /// Crossings with itself at the two samples.
     crossings: [PartCrossings; 2],
+    /// Parts that are deep inside others at the two samples.
+    deep_parts: [DeepParts; 2],
     /// Fastest point between the samples [m/s].
     speed: f64,
 }
@@ -273,14 +275,14 @@ impl Bodies {
 
     /// Whether a part of any surface is deep inside another one at the sample before or after now.
     pub(crate) fn have_deep_parts(&self) -> bool {
-        let has = |surface: &Surface| surface.crossings.iter().any(PartCrossings::has_deep_parts);
+        let has = |surface: &Surface| !surface.deep_parts.iter().all(DeepParts::is_empty);
         self.list.iter().any(|body| matches!(body, Kind::Surface(surface) if has(surface)))
     }
 
     /// Whether a point of a surface belongs to a part that is deep inside another one at the sample before or after now.
     pub(crate) fn is_deep(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {
-            Kind::Surface(surface) => surface.crossings.iter().any(|crossings| crossings.is_deep(point)),
+            Kind::Surface(surface) => surface.deep_parts.iter().any(|parts| parts.contains(point)),
             Kind::Rigid(_) => false,
         }
     }
@@ -291,7 +293,7 @@ impl Bodies {
         let Kind::Surface(surface) = &self.list[body] else { return false };
         let corners = surface.mesh.triangles().get(triangle as usize);
         let is_on_it = || corners.is_some_and(|corners| corners.iter().any(|point| self.is_deep(body, *point)));
-        let [a, b] = surface.crossings.each_ref().map(PartCrossings::deep_region);
+        let [a, b] = surface.deep_parts.each_ref().map(DeepParts::region);
         let is_near = a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x));
         is_near && (is_on_it() || self.contains(body, carried))
     }
@@ -367,6 +369,7 @@ impl Kind {
                         .facing(description.faces_inwards),
                     latest: first.clone(),
                     crossings: [PartCrossings::default(), PartCrossings::default()],
+                    deep_parts: [DeepParts::default(), DeepParts::default()],
                     speed: 0.0,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
@@ -388,7 +391,11 @@ impl Surface {
             a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
         self.speed = if span > 0.0 { farthest / span } else { 0.0 };
         self.crossings.swap(0, 1);
-        self.crossings[1] = PartCrossings::of(&self.mesh, [&a.positions, &b.positions]);
+        self.crossings[1] = PartCrossings::of(&self.mesh, &b.positions);
+        let [x, y] = [&a.positions, &b.positions];
+        let moved = |point: u32| y[point as usize] - x[point as usize];
+        let [before, now] = &self.crossings;
+        self.deep_parts = [DeepParts::of(&self.mesh, before, x, &moved), DeepParts::of(&self.mesh, now, y, &moved)];
         self.latest = sample;
         Ok(())
     }

@@ -17,55 +17,45 @@ const RINGS: usize = 2;
 /// Crossings of a surface with itself at a sample.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PartCrossings {
-    /// Number of pairs of triangles that cross.
-    pairs: usize,
     /// Box of the triangles that cross and of what is inside another part.
     region: Aabb,
     /// Points around these triangles or inside another part, ascending.
     points: Vec<u32>,
-    /// The same of parts that are deep inside others.
-    deep_region: Aabb,
-    deep_points: Vec<u32>,
+    /// The pairs, and the points inside another part, ascending.
+    crossing: Vec<[u32; 2]>,
+    covered: Vec<u32>,
+}
+
+/// Parts that are deep inside others at a sample.
+#[derive(Debug, Clone, Default)]
+pub(super) struct DeepParts {
+    /// Box of the triangles that cross there and of what is inside another part.
+    region: Aabb,
+    /// Points around these triangles or inside another part, ascending.
+    points: Vec<u32>,
 }
 
 impl PartCrossings {
-    /// Finds those at the later of two samples of a mesh, from its positions at both [m].
-    pub(super) fn of(mesh: &MovingSurface, [before, positions]: [&[Vec3]; 2]) -> Self {
+    /// Finds those at the later sample of a mesh, where its points are at these `positions` [m].
+    pub(super) fn of(mesh: &MovingSurface, positions: &[Vec3]) -> Self {
         let found = mesh.self_crossing(positions);
-        let triangles = mesh.triangles();
-        let crossing = found.triangles();
-        if crossing.is_empty() {
+        let triangles = found.triangles();
+        if triangles.is_empty() {
             return Self::default();
         }
-        let corners = |t: &u32| triangles[*t as usize];
-        let box_of = |points: &mut dyn Iterator<Item = u32>| {
-            points.fold(Aabb::EMPTY, |all, point| all.union(&Aabb::of_point(&positions[point as usize])))
-        };
-        let region = box_of(&mut crossing.iter().flat_map(corners));
-        let covered = covered_points(mesh, positions, &region);
-        let deep = deep_parts(triangles, [before, positions], (&found.pairs, &covered));
-        let with = |some: &[u32], covered: Vec<u32>| {
-            let mut points = points_around(triangles, some);
-            points.extend(covered);
-            points.sort_unstable();
-            points.dedup();
-            points
-        };
-        let deep_crossing: Vec<u32> =
-            crossing.iter().copied().filter(|t| corners(t).iter().any(|point| deep.contains(*point))).collect();
-        let deep_points = with(&deep_crossing, covered.iter().copied().filter(|point| deep.contains(*point)).collect());
+        let corners = || triangles.iter().flat_map(|t| mesh.triangles()[*t as usize]);
+        let covered = covered_points(mesh, positions, &box_of(positions, corners()));
         Self {
-            pairs: found.pairs.len(),
-            region: box_of(&mut crossing.iter().flat_map(corners).chain(covered.iter().copied())),
-            deep_region: box_of(&mut deep_points.iter().copied()),
-            points: with(&crossing, covered),
-            deep_points,
+            region: box_of(positions, corners().chain(covered.iter().copied())),
+            points: with_surroundings(mesh.triangles(), &triangles, &covered),
+            crossing: found.pairs,
+            covered,
         }
     }
 
     /// Number of pairs of triangles that cross.
     pub(super) fn pairs(&self) -> usize {
-        self.pairs
+        self.crossing.len()
     }
 
     /// Box around everything [m].
@@ -73,25 +63,64 @@ impl PartCrossings {
         &self.region
     }
 
-    /// Box around what is deep inside another part, and the triangles that cross there [m].
-    pub(super) fn deep_region(&self) -> &Aabb {
-        &self.deep_region
-    }
-
     /// Whether a point is close to a crossing, or inside another part.
     pub(super) fn is_near(&self, point: u32) -> bool {
         self.points.binary_search(&point).is_ok()
     }
+}
 
-    /// The same for parts that are deep inside others.
-    pub(super) fn is_deep(&self, point: u32) -> bool {
-        self.deep_points.binary_search(&point).is_ok()
+impl DeepParts {
+    /// Finds those among crossings at a sample, where the points are at `x` [m]; until the next sample, or since the one before, they move
+    /// by `moved` [m].
+    pub(super) fn of(
+        mesh: &MovingSurface,
+        crossings: &PartCrossings,
+        x: &[Vec3],
+        moved: &impl Fn(u32) -> Vec3,
+    ) -> Self {
+        if crossings.crossing.is_empty() {
+            return Self::default();
+        }
+        let triangles = mesh.triangles();
+        let places = Places::of(triangles, crossings, (x, moved));
+        let corners = |t: &u32| triangles[*t as usize];
+        let mut deep: Vec<u32> = crossings.crossing.iter().flatten().copied().collect();
+        deep.retain(|t| corners(t).iter().any(|point| places.are_deep_at(*point)));
+        deep.sort_unstable();
+        deep.dedup();
+        let covered: Vec<u32> = crossings.covered.iter().copied().filter(|point| places.are_deep_at(*point)).collect();
+        let points = with_surroundings(triangles, &deep, &covered);
+        Self { region: box_of(x, points.iter().copied()), points }
     }
 
-    /// Whether there are such parts.
-    pub(super) fn has_deep_parts(&self) -> bool {
-        !self.deep_points.is_empty()
+    /// Box around them [m].
+    pub(super) fn region(&self) -> &Aabb {
+        &self.region
     }
+
+    /// Whether a point belongs to one, or is close to a crossing there.
+    pub(super) fn contains(&self, point: u32) -> bool {
+        self.points.binary_search(&point).is_ok()
+    }
+
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+}
+
+/// Box of some points [m].
+fn box_of(x: &[Vec3], points: impl Iterator<Item = u32>) -> Aabb {
+    points.fold(Aabb::EMPTY, |all, point| all.union(&Aabb::of_point(&x[point as usize])))
+}
+
+/// The points of some triangles and of the triangles around them, and others, ascending.
+fn with_surroundings(triangles: &[[u32; 3]], some: &[u32], others: &[u32]) -> Vec<u32> {
+    let mut points = points_around(triangles, some);
+    points.extend(others);
+    points.sort_unstable();
+    points.dedup();
+    points
 }
 
 /// Points of a closed surface that lie inside another part of it: those in `region`, which holds the triangles that cross, and all that the
@@ -137,65 +166,66 @@ fn covered_points(mesh: &MovingSurface, x: &[Vec3], region: &Aabb) -> Vec<u32> {
 }
 
 /// Points by the places where the surface crosses itself; of each place, whether a part is deep inside another one there.
-struct DeepParts {
+struct Places {
     place_of: BTreeMap<u32, u32>,
     is_deep: BTreeMap<u32, bool>,
 }
 
-impl DeepParts {
-    fn contains(&self, point: u32) -> bool {
+impl Places {
+    fn are_deep_at(&self, point: u32) -> bool {
         self.place_of.get(&point).is_some_and(|place| self.is_deep[place])
     }
-}
 
-/// Parts that are deep inside others: with a `covered` point farther from the surface of the other part than a share of the surface's
-/// size, or with triangles that have moved past one another by as much since the sample before.
-fn deep_parts(triangles: &[[u32; 3]], [before, x]: [&[Vec3]; 2], (pairs, covered): (&[[u32; 2]], &[u32])) -> DeepParts {
-    let bounds = x.iter().fold([x[0]; 2], |[low, high], place| [low.inf(place), high.sup(place)]);
-    let deep = DEEP_PART * (bounds[1] - bounds[0]).norm();
-    let is_covered = |point: &u32| covered.binary_search(point).is_ok();
-    // What the surface joins inside is one side of a place.
-    let mut sides = Joined::default();
-    for corners in triangles {
-        let inside: Vec<u32> = corners.iter().copied().filter(is_covered).collect();
-        inside.iter().for_each(|point| sides.join(inside[0], *point));
-    }
-    let mut places = sides.clone();
-    let mut at_crossings = Vec::new();
-    for pair in pairs {
-        let corners: Vec<u32> = pair.iter().flat_map(|t| triangles[*t as usize]).collect();
-        corners.iter().for_each(|point| places.join(corners[0], *point));
-        at_crossings.extend(corners);
-    }
-    let place_of: BTreeMap<u32, u32> =
-        at_crossings.iter().chain(covered).map(|point| (*point, places.first_of(*point))).collect();
-    let mut is_deep: BTreeMap<u32, bool> = place_of.values().map(|place| (*place, false)).collect();
-    for [a, b] in pairs {
-        let corners = |t: u32| triangles[t as usize];
-        let moved = |t: u32| corners(t).iter().map(|p| x[*p as usize] - before[*p as usize]).sum::<Vec3>() / 3.0;
-        if (moved(*a) - moved(*b)).norm() > deep {
-            is_deep.insert(place_of[&corners(*a)[0]], true);
+    /// A place is deep with a covered point farther from the surface of the other part than a share of the surface's size, or with
+    /// triangles that move past one another by as much.
+    fn of(triangles: &[[u32; 3]], crossings: &PartCrossings, (x, moved): (&[Vec3], &impl Fn(u32) -> Vec3)) -> Self {
+        let PartCrossings { crossing: pairs, covered, .. } = crossings;
+        let bounds = x.iter().fold([x[0]; 2], |[low, high], place| [low.inf(place), high.sup(place)]);
+        let deep = DEEP_PART * (bounds[1] - bounds[0]).norm();
+        let is_covered = |point: &u32| covered.binary_search(point).is_ok();
+        // What the surface joins inside is one side of a place.
+        let mut sides = Joined::default();
+        for corners in triangles {
+            let inside: Vec<u32> = corners.iter().copied().filter(is_covered).collect();
+            inside.iter().for_each(|point| sides.join(inside[0], *point));
         }
-    }
-    // Covered points by cells; the corners of crossing triangles lie on both sides.
-    let cell = |point: u32| (x[point as usize] / deep).map(|coordinate| coordinate.floor() as i64).into();
-    let mut cells: BTreeMap<[i64; 3], Vec<(u32, u32)>> = BTreeMap::new();
-    let by_side = covered.iter().map(|point| (*point, sides.first_of(*point)));
-    for (point, side) in by_side.clone().chain(at_crossings.iter().map(|point| (*point, u32::MAX))) {
-        cells.entry(cell(point)).or_default().push((point, side));
-    }
-    for (point, side) in by_side {
-        let [i, j, k] = cell(point);
-        let mut around =
-            (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [i + a, j + b, k + c])));
-        let is_near = |&(other, of): &(u32, u32)| {
-            of != side && (x[other as usize] - x[point as usize]).norm_squared() < deep * deep
-        };
-        if !around.any(|cell| cells.get(&cell).is_some_and(|points| points.iter().any(is_near))) {
-            is_deep.insert(place_of[&point], true);
+        let mut places = sides.clone();
+        let mut at_crossings = Vec::new();
+        for pair in pairs {
+            let corners: Vec<u32> = pair.iter().flat_map(|t| triangles[*t as usize]).collect();
+            corners.iter().for_each(|point| places.join(corners[0], *point));
+            at_crossings.extend(corners);
         }
+        let place_of: BTreeMap<u32, u32> =
+            at_crossings.iter().chain(covered).map(|point| (*point, places.first_of(*point))).collect();
+        let mut is_deep: BTreeMap<u32, bool> = place_of.values().map(|place| (*place, false)).collect();
+        for [a, b] in pairs {
+            let corners = |t: u32| triangles[t as usize];
+            let moved = |t: u32| corners(t).iter().map(|p| moved(*p)).sum::<Vec3>() / 3.0;
+            if (moved(*a) - moved(*b)).norm() > deep {
+                is_deep.insert(place_of[&corners(*a)[0]], true);
+            }
+        }
+        // Covered points by cells; the corners of crossing triangles lie on both sides.
+        let cell = |point: u32| (x[point as usize] / deep).map(|coordinate| coordinate.floor() as i64).into();
+        let mut cells: BTreeMap<[i64; 3], Vec<(u32, u32)>> = BTreeMap::new();
+        let by_side = covered.iter().map(|point| (*point, sides.first_of(*point)));
+        for (point, side) in by_side.clone().chain(at_crossings.iter().map(|point| (*point, u32::MAX))) {
+            cells.entry(cell(point)).or_default().push((point, side));
+        }
+        for (point, side) in by_side {
+            let [i, j, k] = cell(point);
+            let mut around =
+                (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [i + a, j + b, k + c])));
+            let is_near = |&(other, of): &(u32, u32)| {
+                of != side && (x[other as usize] - x[point as usize]).norm_squared() < deep * deep
+            };
+            if !around.any(|cell| cells.get(&cell).is_some_and(|points| points.iter().any(is_near))) {
+                is_deep.insert(place_of[&point], true);
+            }
+        }
+        Self { place_of, is_deep }
     }
-    DeepParts { place_of, is_deep }
 }
 
 /// Points that are joined, by the smallest of them.
