@@ -144,6 +144,7 @@ fn named(item: &Node) -> Option<(String, Place)> {
 mod tests {
     use drapery_core::effects::self_repulsion;
     use drapery_core::scene::ContactSide::{self, Body, Garment};
+    use drapery_core::settings::SettingValue;
 
     use crate::scene_file::parse;
     use crate::shot_description::ShotDescription;
@@ -165,7 +166,8 @@ mod tests {
         let request =
             shot.scene.effects.iter().find(|request| request.effect == self_repulsion::SPEC.name).expect("asked for");
         let rules = shot.scene.contacts.iter().filter_map(|rule| Some((rule.between, rule.friction?))).collect();
-        (request.settings.number("friction"), rules)
+        let SettingValue::Number(friction) = request.settings["friction"] else { panic!("a number") };
+        (friction, rules)
     }
 
     #[test]
