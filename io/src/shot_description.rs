@@ -108,7 +108,7 @@ impl CheckDescription {
     pub fn with_line(&self, object: &str) -> String {
         let ends = object.match_indices([',', ' ']).map(|(end, _)| end).chain([object.len()]);
         // The longest name: `garment "sheet", pin 1` and not `garment "sheet"`.
-        let found = ends.filter_map(|end| self.lines.get(&object[..end]).map(|line| (end, line))).last();
+        let found = ends.filter_map(|end| self.lines.get(&object[..end]).map(|line| (end, line))).next_back();
         found.map_or_else(|| object.to_owned(), |(end, line)| format!("{line}{}", &object[end..]))
     }
 }
