@@ -112,10 +112,14 @@ fn cloth_comes_free_of_a_hand_that_was_deep_in_a_torso() {
         torso.iter().map(|p| p + apart).chain(arm.iter().map(|p| p + out)).collect()
     };
     let body = MeshBody { triangles, points: &place };
-    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+    for (integrator, is_tight) in
+        [Integrator::SemiImplicit, Integrator::TrBdf2].into_iter().flat_map(|i| [(i, true), (i, false)])
+    {
         let mut description = hanging_by(100.0);
-        // It is held below too, as close to the torso as a shirt.
-        add_pins(&mut description, (0..=CELLS as u32).collect());
+        if is_tight {
+            // It is held below too, as close to the torso as a shirt.
+            add_pins(&mut description, (0..=CELLS as u32).collect());
+        }
         description.solver.integrator = integrator;
         let rest = description.garments[0].mesh.clone();
         assert!(rest.face_counts.iter().all(|corners| *corners == 3));
@@ -135,11 +139,12 @@ fn cloth_comes_free_of_a_hand_that_was_deep_in_a_torso() {
                 left.push((summary.frame, simulation.crossings().len(), farthest));
             }
         });
-        assert!(pinched > 0, "{integrator:?}: the arm passes through the sheet");
-        assert!(most < 0.5, "{integrator:?}: an edge is strained by {most}");
+        let case = format!("{integrator:?}, held below: {is_tight}");
+        assert!(pinched > 0, "{case}: the arm passes through the sheet");
+        assert!(most < 0.5, "{case}: an edge is strained by {most}");
         // The arm has left the torso at frame 9.
         let free = left.iter().all(|(_, crossings, farthest)| *crossings == 0 && *farthest < 0.03);
-        assert!(free, "{integrator:?}: frame, crossings, farthest vertex: {left:?}");
+        assert!(free, "{case}: frame, crossings, farthest vertex: {left:?}");
     }
 }
 

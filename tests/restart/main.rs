@@ -106,6 +106,44 @@ fn everything() -> SceneDescription {
     description
 }
 
+/// Triangles and points at this time of a torso whose neck is a part of its own, and a hand that passes through a sheet into the torso and
+/// out again within the frames.
+fn torso_neck_and_hand(time: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let (mut triangles, mut points) = (Vec::new(), Vec::new());
+    let out = 0.08 - 0.2 * (std::f64::consts::PI * time * 24.0 / FRAMES as f64).sin();
+    let [torso, neck, hand] = [[0.1, 0.22, 0.22], [0.03, 0.1, 0.03], [0.02, 0.3, 0.02]].map(Vec3::from);
+    let places = [Vec3::x() * -0.105, Vec3::new(-0.105, 0.25, 0.15), Vec3::x() * out];
+    for (size, place) in [torso, neck, hand].into_iter().zip(places) {
+        let (own, faces) = box_mesh(size, 8);
+        triangles.extend(faces.iter().map(|t| t.map(|corner| corner + points.len() as u32)));
+        points.extend(own.iter().map(|p| p + place));
+    }
+    (triangles, points)
+}
+
+/// The same with two samples a frame.
+fn hand(frame: i64) -> FrameInput {
+    let times = if frame == 0 { vec![0.0] } else { vec![frame as f64 - 0.4, frame as f64] };
+    let sample = |time: f64| Sample { time: time / 24.0, positions: torso_neck_and_hand(time / 24.0).1 };
+    FrameInput { frame, bodies: vec![times.into_iter().map(sample).collect()], ..FrameInput::default() }
+}
+
+/// A sheet that is held above and below in front of that torso.
+fn before_the_torso() -> SceneDescription {
+    let mut mesh = sheet(12, 12, 0.04);
+    mesh.points.iter_mut().for_each(|p| *p = Vec3::new(0.02, p.x, p.z));
+    let mut description = scene_of(GarmentDescription::new("sheet", mesh, 0.2), 24);
+    add_springs(&mut description, 6.0, 1.0);
+    add_contact(&mut description, true, true);
+    add_pins(&mut description, (0..13).chain(156..169).collect());
+    let (triangles, points) = torso_neck_and_hand(0.0);
+    let shape = BodyShape::Surface { triangles, point_count: points.len() };
+    let body = BodyDescription::new("torso", shape, RigidMotion::at(Vec3::zeros()));
+    description.bodies.push(BodyDescription { thickness: 2e-3, ..body });
+    description.effects.push(EffectRequest::of_scene("body_collision"));
+    description
+}
+
 fn shots() -> Vec<Shot> {
     let shot = |name, description, input| Shot { name, description, input };
     let mut hanging = scene_of(GarmentDescription::new("sheet", sheet(12, 12, 0.05), 0.2), 24);
@@ -233,7 +271,17 @@ fn the_scenes_hold_what_has_to_be_remembered() {
     };
     assert_eq!(names("hanging"), ["state", "pins"]);
     assert_eq!(names("collision alone"), ["state", "self_contact"]);
-    assert_eq!(names("everything"), ["state", "pins", "body_collision", "self_contact"]);
+    assert_eq!(names("everything"), ["state", "pins", "body_collision", "deep_parts", "self_contact"]);
+    let hand = Shot { name: "a hand in a torso", description: before_the_torso(), input: hand };
+    let whole = uninterrupted(&hand);
+    let known = |frame: usize, name: &str| {
+        let sections = &whole[frame].0.sections;
+        let section = sections.iter().find(|section| section.name == "deep_parts").expect("there is a surface");
+        let dataset = section.datasets.iter().find(|dataset| dataset.name == name).expect("it has these points");
+        matches!(&dataset.values, Values::U32(points) if !points.is_empty())
+    };
+    assert!(known(0, "joined") && !known(0, "deep"), "the neck is a part of the torso, and nothing passes through it");
+    assert!(known(FRAMES as usize, "joined") && known(2, "deep"), "the hand is deep in the torso");
     for shot in &shots[1..] {
         let mut all = Metrics::default();
         uninterrupted(shot).iter().for_each(|(_, metrics)| all.add(metrics));

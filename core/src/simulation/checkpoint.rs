@@ -30,10 +30,11 @@ pub(super) struct Room {
 }
 
 /// All rooms, in the order of their sections in a snapshot.
-static ROOMS: [Room; 6] = [
+static ROOMS: [Room; 7] = [
     Room { save: |simulation| Some(simulation.save_state()), restore: Simulation::restore_state },
     Room { save: Simulation::save_pins, restore: Simulation::restore_pins },
     Room { save: |simulation| simulation.contacts.bodies.as_ref()?.save(), restore: Simulation::restore_collision },
+    Room { save: Simulation::save_deep_parts, restore: Simulation::restore_deep_parts },
     Room { save: |simulation| Some(simulation.contacts.cloth.as_ref()?.save()), restore: Simulation::restore_contact },
     Room { save: Simulation::save_elements, restore: Simulation::restore_elements },
     Room { save: Simulation::save_seams, restore: Simulation::restore_seams },
@@ -187,6 +188,26 @@ impl Simulation {
     fn restore_collision(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
         self.contacts.bodies.iter_mut().for_each(|collision| collision.restore(section));
         Ok(())
+    }
+
+    /// Number of the vertices of cloth of all ranks.
+    fn cloth_count(&self) -> u32 {
+        self.scene.parts().partition().vertex_count() as u32
+    }
+
+    /// Time of the last frame [s].
+    fn frame_time(&self) -> f64 {
+        self.scene.description().timeline.time(self.frame)
+    }
+
+    fn save_deep_parts(&self) -> Option<SavedSection> {
+        self.contacts.bodies.as_ref()?;
+        self.prescribed.bodies.save_deep_parts(self.cloth_count(), self.frame_time())
+    }
+
+    fn restore_deep_parts(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {
+        let (cloth, time) = (self.cloth_count(), self.frame_time());
+        self.prescribed.bodies.restore_deep_parts(cloth, time, section)
     }
 
     fn restore_contact(&mut self, section: &SavedSection) -> Result<(), SnapshotError> {

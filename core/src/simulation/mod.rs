@@ -507,6 +507,7 @@ impl Simulation {
         self.follow_curves(input)?;
         let timeline = self.scene.description().timeline;
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
+        self.prescribed.bodies.begin_frame(from);
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
         stops.extend(input.wind.iter().map(|sample| sample.time));
         stops.extend(self.prescribed.targets.window_times());

@@ -389,6 +389,14 @@ impl Search<'_> {
         let mut met = false;
         for body in 0..self.properties.len() {
             if let Some(at) = self.contact(body, x, &before) {
+                if self.in_deep_part(vertex, (body, &at), &before) {
+                    self.counts.contacts += 1;
+                    self.counts.pinched += 1;
+                    *contact = VertexContact { pinching: Some(Pinch { drag: None }), ..VertexContact::default() };
+                    *v_star = step.v[vertex];
+                    self.remember(x, x1);
+                    return;
+                }
                 let properties = &self.properties[body];
                 let friction = properties.friction_on(self.painted.get(vertex));
                 let contact = SurfaceContact { body: properties, at: &at, friction };

@@ -15,7 +15,7 @@ mod rigid;
 mod samples;
 
 use crate::Vec3;
-use crate::contact::bodies::part_crossings::{DeepParts, PartCrossings};
+use crate::contact::bodies::part_crossings::{DeepParts, PartCrossings, deep_points};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::rigid::{Bounds, Rigid};
 use crate::error::{Problem, Problems};
@@ -25,9 +25,14 @@ use crate::geometry::moving_surface::MovingSurface;
 use crate::geometry::path::{Crossings, Side};
 use crate::geometry::shape_mesh::ShapeMesh;
 use crate::scene::{BodyDescription, BodyShape, Scene};
+use crate::snapshot::SnapshotError;
+use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::tolerances;
 
 pub use samples::{Sample, Samples};
+
+/// Identifier of the saved section with the deep parts of surfaces, which is absent without surfaces.
+const DEEP_PARTS: SectionId = SectionId { name: "deep_parts", version: 1 };
 
 /// A place of a body near a vertex, at the end of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,10 +78,17 @@ struct Surface {
     latest: Sample,
     /// Crossings with itself at the two samples.
     crossings: [PartCrossings; 2],
-    /// Parts that are deep inside others at the two samples.
+    /// Parts that are deep inside others at the two samples, and at the start of the frame: these stay so for the frame.
     deep_parts: [DeepParts; 2],
+    deep_at_frame: DeepParts,
+    /// Parts that have passed through a surface within the frame.
+    passed: DeepParts,
+    /// Points of parts that lie in each other from the start of the run on.
+    joined: Vec<u32>,
     /// Fastest point between the samples [m/s].
     speed: f64,
+    /// Duration of a frame [s].
+    frame: f64,
 }
 
 /// All bodies of a scene, between the ends of one step.
@@ -95,9 +107,10 @@ impl Bodies {
     /// A surface without a sample, or one whose sample does not fit.
     pub fn new(scene: &Scene, samples: &[Vec<Sample>], time: f64) -> Result<Self, Problems> {
         let (mut list, mut problems) = (Vec::new(), Vec::new());
+        let frame = scene.description().timeline.frame_duration();
         for (b, description) in scene.description().bodies.iter().enumerate() {
             let first = samples.get(b).and_then(|s| s.last());
-            match Kind::new(description, scene.shape_mesh(b), first) {
+            match Kind::new(description, scene.shape_mesh(b), first, frame) {
                 Ok(kind) => list.push(kind),
                 Err(what) => problems.push(Problem::data(
                     format!("body \"{}\"", description.name),
@@ -146,6 +159,68 @@ impl Bodies {
             Kind::Surface(surface) => surface.push(sample).map_err(|e| e.to_string()),
             Kind::Rigid(_) => Err("an analytic body takes no samples".into()),
         }
+    }
+
+    /// Keeps the deep parts at the start of a frame [s].
+    pub(crate) fn begin_frame(&mut self, time: f64) {
+        for body in &mut self.list {
+            if let Kind::Surface(surface) = body
+                && surface.latest.time <= time
+            {
+                surface.deep_at_frame = surface.deep_parts[1].clone();
+                surface.passed = DeepParts::default();
+            }
+        }
+    }
+
+    /// Parts of surfaces that are deep inside others or were so from the start on, at the time of the last frame [s]; `cloth` is the
+    /// number of the vertices of cloth, after which those of the bodies come. `None` without surfaces.
+    pub(crate) fn save_deep_parts(&self, cloth: u32, frame_time: f64) -> Option<SavedSection> {
+        let (mut first, mut deep, mut joined) = (cloth, Vec::new(), Vec::new());
+        for body in &self.list {
+            let Kind::Surface(surface) = body else { continue };
+            let is_at_frame = surface.latest.time <= frame_time;
+            let parts = if is_at_frame { &surface.deep_parts[1] } else { &surface.deep_at_frame };
+            deep.extend(parts.points().iter().map(|point| first + point));
+            joined.extend(surface.joined.iter().map(|point| first + point));
+            first += surface.latest.positions.len() as u32;
+        }
+        (first > cloth).then(|| {
+            SavedSection::new(DEEP_PARTS)
+                .with("deep", Field::numbers(1, deep))
+                .with("joined", Field::numbers(1, joined))
+        })
+    }
+
+    /// Goes on from what was saved.
+    ///
+    /// # Errors
+    /// A point that no surface has.
+    pub(crate) fn restore_deep_parts(
+        &mut self,
+        cloth: u32,
+        frame_time: f64,
+        section: &SavedSection,
+    ) -> Result<(), SnapshotError> {
+        let [mut deep, mut joined] = ["deep", "joined"].map(|name| section.values::<u32>(name).to_vec());
+        deep.sort_unstable();
+        joined.sort_unstable();
+        let mut range = cloth..cloth;
+        for body in &mut self.list {
+            let Kind::Surface(surface) = body else { continue };
+            range = range.end..range.end + surface.latest.positions.len() as u32;
+            let own = |all: &mut Vec<u32>| -> Vec<u32> {
+                all.extract_if(.., |number| range.contains(number)).map(|number| number - range.start).collect()
+            };
+            surface.joined = own(&mut joined);
+            surface.deep_at_frame = DeepParts::with_points(&surface.latest.positions, own(&mut deep));
+            if surface.latest.time <= frame_time {
+                surface.deep_parts[1] = surface.deep_at_frame.clone();
+            }
+        }
+        let unknown = deep.first().or(joined.first());
+        let what = |number: &u32| format!("it names point {number}, which no body has");
+        unknown.map_or(Ok(()), |number| Err(SnapshotError { section: DEEP_PARTS.name.to_owned(), what: what(number) }))
     }
 
     /// Time of the latest sample of a surface [s].
@@ -275,14 +350,14 @@ impl Bodies {
 
     /// Whether a part of any surface is deep inside another one at the sample before or after now.
     pub(crate) fn have_deep_parts(&self) -> bool {
-        let has = |surface: &Surface| !surface.deep_parts.iter().all(DeepParts::is_empty);
+        let has = |surface: &Surface| !surface.all_deep_parts().all(DeepParts::is_empty);
         self.list.iter().any(|body| matches!(body, Kind::Surface(surface) if has(surface)))
     }
 
     /// Whether a point of a surface belongs to a part that is deep inside another one at the sample before or after now.
     pub(crate) fn is_deep(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {
-            Kind::Surface(surface) => surface.deep_parts.iter().any(|parts| parts.contains(point)),
+            Kind::Surface(surface) => surface.all_deep_parts().any(|parts| parts.contains(point)),
             Kind::Rigid(_) => false,
         }
     }
@@ -293,8 +368,8 @@ impl Bodies {
         let Kind::Surface(surface) = &self.list[body] else { return false };
         let corners = surface.mesh.triangles().get(triangle as usize);
         let is_on_it = || corners.is_some_and(|corners| corners.iter().any(|point| self.is_deep(body, *point)));
-        let [a, b] = surface.deep_parts.each_ref().map(DeepParts::region);
-        let is_near = a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x));
+        let region = surface.all_deep_parts().fold(Aabb::EMPTY, |all, parts| all.union(parts.region()));
+        let is_near = region.enlarged(margin).overlaps(&Aabb::of_point(x));
         is_near && (is_on_it() || self.contains(body, carried))
     }
 
@@ -358,7 +433,13 @@ impl BodyContactProperties {
 }
 
 impl Kind {
-    fn new(description: &BodyDescription, mesh: Option<&ShapeMesh>, first: Option<&Sample>) -> Result<Self, String> {
+    /// The body with its first sample, in frames that take this long [s].
+    fn new(
+        description: &BodyDescription,
+        mesh: Option<&ShapeMesh>,
+        first: Option<&Sample>,
+        frame: f64,
+    ) -> Result<Self, String> {
         let shape = match &description.shape {
             BodyShape::Rigid(shape) => *shape,
             BodyShape::Surface { triangles, point_count } => {
@@ -370,10 +451,16 @@ impl Kind {
                     latest: first.clone(),
                     crossings: [PartCrossings::default(), PartCrossings::default()],
                     deep_parts: [DeepParts::default(), DeepParts::default()],
+                    deep_at_frame: DeepParts::default(),
+                    passed: DeepParts::default(),
+                    joined: Vec::new(),
                     speed: 0.0,
+                    frame,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
                 surface.crossings[0] = surface.crossings[1].clone();
+                surface.joined = deep_points(&surface.mesh, &surface.crossings[0], &first.positions);
+                surface.deep_parts = [DeepParts::default(), DeepParts::default()];
                 return Ok(Self::Surface(Box::new(surface)));
             }
         };
@@ -393,11 +480,22 @@ impl Surface {
         self.crossings.swap(0, 1);
         self.crossings[1] = PartCrossings::of(&self.mesh, &b.positions);
         let [x, y] = [&a.positions, &b.positions];
-        let moved = |point: u32| y[point as usize] - x[point as usize];
+        let share = if span > 0.0 { self.frame / span } else { 0.0 };
+        let moved = |point: u32| (y[point as usize] - x[point as usize]) * share;
         let [before, now] = &self.crossings;
-        self.deep_parts = [DeepParts::of(&self.mesh, before, x, &moved), DeepParts::of(&self.mesh, now, y, &moved)];
+        let deep = |crossings, x| DeepParts::of(&self.mesh, crossings, x, &moved, &self.joined);
+        let at_start = deep(before, x);
+        self.passed = self.passed.clone().and(&at_start.passing(x)).at(y);
+        let at_end = deep(now, y).and(&self.passed);
+        self.deep_parts = [at_start.and(&self.deep_parts[1]), at_end];
+        self.deep_at_frame = self.deep_at_frame.clone().and(&self.deep_at_frame.clone().at(y));
         self.latest = sample;
         Ok(())
+    }
+
+    /// Parts that are deep inside others between the samples.
+    fn all_deep_parts(&self) -> impl Iterator<Item = &DeepParts> {
+        self.deep_parts.iter().chain([&self.deep_at_frame])
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.

@@ -3,6 +3,8 @@
 //! A *fold* is shallow: cloth lies in it, and comes out when it opens. A part that is *deep* inside another one, or moves through its surface
 //! fast, has passed through the cloth between them, or under it. On its way out it would take along all cloth that lies on the other
 //! part, which no animator means. So cloth passes through deep parts, and is outside of them once they have come out.
+//! Parts that lie in each other from the start on, such as the limbs of a body that is built of closed shells, are one body: cloth stays
+//! outside of all.
 
 use std::collections::BTreeMap;
 
@@ -31,8 +33,10 @@ pub(super) struct PartCrossings {
 pub(super) struct DeepParts {
     /// Box of the triangles that cross there and of what is inside another part.
     region: Aabb,
-    /// Points around these triangles or inside another part, ascending.
+    /// Points around these triangles or inside another part, and those that go with them through the other part's surface, ascending.
     points: Vec<u32>,
+    /// Points that go through the other part's surface, ascending.
+    passing: Vec<u32>,
 }
 
 impl PartCrossings {
@@ -70,27 +74,56 @@ impl PartCrossings {
 }
 
 impl DeepParts {
-    /// Finds those among crossings at a sample, where the points are at `x` [m]; until the next sample, or since the one before, they move
-    /// by `moved` [m].
+    /// Finds those among crossings at a sample, where the points are at `x` [m] and move by `moved` [m] until the next sample, or did since
+    /// the one before. Parts that lie in each other from the start on, which the points `joined` belong to, are one body, and not among
+    /// them.
     pub(super) fn of(
         mesh: &MovingSurface,
         crossings: &PartCrossings,
         x: &[Vec3],
         moved: &impl Fn(u32) -> Vec3,
+        joined: &[u32],
     ) -> Self {
         if crossings.crossing.is_empty() {
             return Self::default();
         }
         let triangles = mesh.triangles();
-        let places = Places::of(triangles, crossings, (x, moved));
+        let mut places = Places::of(triangles, crossings, x);
+        places.pass_by_fast(triangles, crossings, moved);
+        joined.iter().for_each(|point| places.are_not_deep_at(*point));
         let corners = |t: &u32| triangles[*t as usize];
         let mut deep: Vec<u32> = crossings.crossing.iter().flatten().copied().collect();
         deep.retain(|t| corners(t).iter().any(|point| places.are_deep_at(*point)));
         deep.sort_unstable();
         deep.dedup();
         let covered: Vec<u32> = crossings.covered.iter().copied().filter(|point| places.are_deep_at(*point)).collect();
-        let points = with_surroundings(triangles, &deep, &covered);
-        Self { region: box_of(x, points.iter().copied()), points }
+        let passing = places.passing_points(triangles, crossings, x, moved);
+        let others: Vec<u32> = covered.iter().chain(&passing).copied().collect();
+        Self { passing, ..Self::with_points(x, with_surroundings(triangles, &deep, &others)) }
+    }
+
+    /// The parts that have these points, which are at `x` [m].
+    pub(super) fn with_points(x: &[Vec3], points: Vec<u32>) -> Self {
+        Self { region: box_of(x, points.iter().copied()), points, passing: Vec::new() }
+    }
+
+    /// These parts where the points are at `x` [m].
+    pub(super) fn at(self, x: &[Vec3]) -> Self {
+        Self::with_points(x, self.points)
+    }
+
+    /// The points among them that go through the other part's surface.
+    pub(super) fn passing(&self, x: &[Vec3]) -> Self {
+        Self::with_points(x, self.passing.clone())
+    }
+
+    /// These parts and `others`.
+    pub(super) fn and(mut self, others: &Self) -> Self {
+        self.region = self.region.union(&others.region);
+        self.points.extend(&others.points);
+        self.points.sort_unstable();
+        self.points.dedup();
+        self
     }
 
     /// Box around them [m].
@@ -98,7 +131,12 @@ impl DeepParts {
         &self.region
     }
 
-    /// Whether a point belongs to one, or is close to a crossing there.
+    /// Points that belong to one, or are close to a crossing there, ascending.
+    pub(super) fn points(&self) -> &[u32] {
+        &self.points
+    }
+
+    /// Whether a point is among them.
     pub(super) fn contains(&self, point: u32) -> bool {
         self.points.binary_search(&point).is_ok()
     }
@@ -107,6 +145,11 @@ impl DeepParts {
     pub(super) fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
+}
+
+/// The points that are deep inside another part of the surface at a sample, where the points are at `x` [m], ascending.
+pub(super) fn deep_points(mesh: &MovingSurface, crossings: &PartCrossings, x: &[Vec3]) -> Vec<u32> {
+    if crossings.crossing.is_empty() { Vec::new() } else { Places::of(mesh.triangles(), crossings, x).deep }
 }
 
 /// Box of some points [m].
@@ -169,19 +212,18 @@ fn covered_points(mesh: &MovingSurface, x: &[Vec3], region: &Aabb) -> Vec<u32> {
 struct Places {
     place_of: BTreeMap<u32, u32>,
     is_deep: BTreeMap<u32, bool>,
+    /// Covered points that are deep themselves, ascending.
+    deep: Vec<u32>,
+    /// Distance from the surface of the other part from which on a point is deep [m].
+    least_depth: f64,
 }
 
 impl Places {
-    fn are_deep_at(&self, point: u32) -> bool {
-        self.place_of.get(&point).is_some_and(|place| self.is_deep[place])
-    }
-
-    /// A place is deep with a covered point farther from the surface of the other part than a share of the surface's size, or with
-    /// triangles that move past one another by as much.
-    fn of(triangles: &[[u32; 3]], crossings: &PartCrossings, (x, moved): (&[Vec3], &impl Fn(u32) -> Vec3)) -> Self {
+    /// A place is deep with a covered point farther from the surface of the other part than a share of the surface's size.
+    fn of(triangles: &[[u32; 3]], crossings: &PartCrossings, x: &[Vec3]) -> Self {
         let PartCrossings { crossing: pairs, covered, .. } = crossings;
         let bounds = x.iter().fold([x[0]; 2], |[low, high], place| [low.inf(place), high.sup(place)]);
-        let deep = DEEP_PART * (bounds[1] - bounds[0]).norm();
+        let least_depth = DEEP_PART * (bounds[1] - bounds[0]).norm();
         let is_covered = |point: &u32| covered.binary_search(point).is_ok();
         // What the surface joins inside is one side of a place.
         let mut sides = Joined::default();
@@ -199,32 +241,92 @@ impl Places {
         let place_of: BTreeMap<u32, u32> =
             at_crossings.iter().chain(covered).map(|point| (*point, places.first_of(*point))).collect();
         let mut is_deep: BTreeMap<u32, bool> = place_of.values().map(|place| (*place, false)).collect();
-        for [a, b] in pairs {
-            let corners = |t: u32| triangles[t as usize];
-            let moved = |t: u32| corners(t).iter().map(|p| moved(*p)).sum::<Vec3>() / 3.0;
-            if (moved(*a) - moved(*b)).norm() > deep {
-                is_deep.insert(place_of[&corners(*a)[0]], true);
-            }
-        }
         // Covered points by cells; the corners of crossing triangles lie on both sides.
-        let cell = |point: u32| (x[point as usize] / deep).map(|coordinate| coordinate.floor() as i64).into();
+        let cell = |point: u32| (x[point as usize] / least_depth).map(|coordinate| coordinate.floor() as i64).into();
         let mut cells: BTreeMap<[i64; 3], Vec<(u32, u32)>> = BTreeMap::new();
         let by_side = covered.iter().map(|point| (*point, sides.first_of(*point)));
         for (point, side) in by_side.clone().chain(at_crossings.iter().map(|point| (*point, u32::MAX))) {
             cells.entry(cell(point)).or_default().push((point, side));
         }
+        let mut deep = Vec::new();
         for (point, side) in by_side {
             let [i, j, k] = cell(point);
             let mut around =
                 (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [i + a, j + b, k + c])));
             let is_near = |&(other, of): &(u32, u32)| {
-                of != side && (x[other as usize] - x[point as usize]).norm_squared() < deep * deep
+                of != side && (x[other as usize] - x[point as usize]).norm_squared() < least_depth * least_depth
             };
             if !around.any(|cell| cells.get(&cell).is_some_and(|points| points.iter().any(is_near))) {
                 is_deep.insert(place_of[&point], true);
+                deep.push(point);
             }
         }
-        Self { place_of, is_deep }
+        Self { place_of, is_deep, deep, least_depth }
+    }
+
+    /// A place is deep, too, with triangles that move past one another by as much.
+    fn pass_by_fast(&mut self, triangles: &[[u32; 3]], crossings: &PartCrossings, moved: &impl Fn(u32) -> Vec3) {
+        for [a, b] in &crossings.crossing {
+            let corners = |t: u32| triangles[t as usize];
+            let moved = |t: u32| corners(t).iter().map(|p| moved(*p)).sum::<Vec3>() / 3.0;
+            if (moved(*a) - moved(*b)).norm() > self.least_depth {
+                self.is_deep.insert(self.place_of[&corners(*a)[0]], true);
+            }
+        }
+    }
+
+    /// Points of parts that pass by fast at a deep place: those that move with the faster side, and that its motion brings to the crossing. The
+    /// side is faster that moves more against the body as a whole.
+    fn passing_points(
+        &self,
+        triangles: &[[u32; 3]],
+        crossings: &PartCrossings,
+        x: &[Vec3],
+        moved: &impl Fn(u32) -> Vec3,
+    ) -> Vec<u32> {
+        let mean = |t: u32, of: &dyn Fn(u32) -> Vec3| triangles[t as usize].map(of).iter().sum::<Vec3>() / 3.0;
+        let (mut of_body, mut whole) = (Vec3::zeros(), 0.0);
+        for (t, corners) in triangles.iter().enumerate() {
+            let [a, b, c] = corners.map(|point| x[point as usize]);
+            let area = (b - a).cross(&(c - a)).norm();
+            of_body += mean(t as u32, moved) * area;
+            whole += area;
+        }
+        of_body /= whole;
+        let points = || 0..x.len() as u32;
+        let mut is_passing = vec![false; x.len()];
+        let mut done = None;
+        for [a, b] in &crossings.crossing {
+            if !self.are_deep_at(triangles[*a as usize][0]) {
+                continue;
+            }
+            let [mut fast, mut slow] = [*a, *b].map(|t| (mean(t, moved), t));
+            if (fast.0 - of_body).norm() < (slow.0 - of_body).norm() {
+                std::mem::swap(&mut fast, &mut slow);
+            }
+            let relative = fast.0 - slow.0;
+            let reach = relative.norm();
+            // Of the triangles that it crosses, one says as much as the others.
+            if reach <= self.least_depth || done == Some(fast.1) {
+                continue;
+            }
+            done = Some(fast.1);
+            let crossing = mean(fast.1, &|point| x[point as usize]);
+            for point in points().filter(|point| (x[*point as usize] - crossing).norm() < reach) {
+                is_passing[point as usize] |= (moved(point) - slow.0).dot(&relative) > 0.5 * reach * reach;
+            }
+        }
+        points().filter(|point| is_passing[*point as usize]).collect()
+    }
+
+    fn are_deep_at(&self, point: u32) -> bool {
+        self.place_of.get(&point).is_some_and(|place| self.is_deep[place])
+    }
+
+    fn are_not_deep_at(&mut self, point: u32) {
+        if let Some(place) = self.place_of.get(&point) {
+            self.is_deep.insert(*place, false);
+        }
     }
 }
 

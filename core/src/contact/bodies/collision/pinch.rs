@@ -79,7 +79,10 @@ impl Search<'_> {
                 *x1 += at.normal * deep;
                 at.phi += deep;
             }
-            if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
+            // B.7 looks ahead, and would give the vertex the velocity of a part that is about to pass through it.
+            let is_ahead = at.phi < offset + 2.0 * (self.own_way + at.displacement.norm())
+                && !self.in_deep_part(vertex, (body, &at), x1);
+            if constraint.is_some() || is_ahead {
                 let friction = properties.friction_on(self.painted.get(vertex));
                 contact.add(BodyContact { body, at, offset, constraint, friction });
             }
@@ -99,10 +102,11 @@ impl Search<'_> {
         Gap { room, width, between: x - at.normal * (away - room) }
     }
 
-    /// Whether a vertex at `x` has touched a part that is deep inside another one, or comes out of it, and passes through.
-    fn in_deep_part(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> bool {
-        let carried = self.step.x[vertex] + touch.at.displacement;
-        self.step.bodies.is_in_deep_part(touch.body, touch.at.triangle, [x, &carried], self.search)
+    /// Whether a vertex at `x` that is near this place of a body meets a part that is deep inside another one, or comes out of it, and passes
+    /// through.
+    pub(super) fn in_deep_part(&self, vertex: usize, (body, at): (usize, &BodyPoint), x: &Vec3) -> bool {
+        let carried = self.step.x[vertex] + at.displacement;
+        self.step.bodies.is_in_deep_part(body, at.triangle, [x, &carried], self.search)
     }
 
     /// Mean velocity of the surfaces around a vertex at `x` [m/s], if it lies inside one part of the body that it has touched wherever it
@@ -130,7 +134,7 @@ impl Search<'_> {
 
     /// The pinch of a vertex at `x` by parts of the body that it has touched.
     fn by_parts(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> Option<Pinch> {
-        if self.in_deep_part(vertex, touch, x) {
+        if self.in_deep_part(vertex, (touch.body, &touch.at), x) {
             return Some(Pinch { drag: None });
         }
         self.between_parts(touch, x).map(|velocity| Pinch { drag: Some(velocity) })
