@@ -222,7 +222,7 @@ impl BodyCollision {
         let chunks = chunks.zip(contacts).zip(self.held.par_chunks(CHUNK)).enumerate();
         let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [ClosestCache]| {
             let mut counts = Counts::default();
-            marked(marks.near).for_each(|i| contacts[i] = VertexContact::default());
+            marked(marks.near | marks.constrained).for_each(|i| contacts[i] = VertexContact::default());
             *marks = Marks::default();
             for i in 0..x1.len() {
                 let vertex = c * CHUNK + i;

@@ -10,7 +10,7 @@ pub(super) const CHUNK: usize = u128::BITS as usize;
 pub(super) struct Marks {
     /// A body is near.
     pub(super) near: u128,
-    /// A contact constrains its velocity; such a vertex is near as well.
+    /// A contact constrains its velocity, or surfaces pinch it.
     pub(super) constrained: u128,
 }
 
