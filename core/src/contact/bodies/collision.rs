@@ -389,7 +389,7 @@ impl Search<'_> {
         let mut met = false;
         for body in 0..self.properties.len() {
             if let Some(at) = self.contact(body, x, &before) {
-                if self.in_deep_part(vertex, (body, &at), &before) {
+                if self.is_passed_through(vertex, (body, &at), &before) {
                     self.counts.contacts += 1;
                     self.counts.pinched += 1;
                     *contact = VertexContact { pinching: Some(Pinch { drag: None }), ..VertexContact::default() };

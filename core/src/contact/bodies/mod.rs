@@ -373,6 +373,17 @@ impl Bodies {
         is_near && (is_on_it() || self.contains(body, carried))
     }
 
+    /// Whether a part of a surface passes through another one fast, or has just done so.
+    pub(crate) fn has_passing_part(&self, body: usize) -> bool {
+        match &self.list[body] {
+            Kind::Surface(surface) => {
+                let passes = surface.deep_parts.iter().any(DeepParts::has_passing) || !surface.passed.is_empty();
+                passes || (surface.crossings[0].pairs() == 0 && !surface.deep_at_frame.is_empty())
+            }
+            Kind::Rigid(_) => false,
+        }
+    }
+
     /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
     pub(crate) fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
         match &self.list[body] {

@@ -112,6 +112,11 @@ impl DeepParts {
         Self::with_points(x, self.points)
     }
 
+    /// Whether any go through the other part's surface fast.
+    pub(super) fn has_passing(&self) -> bool {
+        !self.passing.is_empty()
+    }
+
     /// The points among them that go through the other part's surface.
     pub(super) fn passing(&self, x: &[Vec3]) -> Self {
         Self::with_points(x, self.passing.clone())

@@ -3,7 +3,7 @@
 //! In a fold between surfaces that have passed through one another a vertex is dragged along with their mean velocity until there is room
 //! again.
 //! D. Baraff, A. Witkin and M. Kass, "Untangling Cloth", SIGGRAPH 2003, section 5, prescribe that motion; a drag leaves cloth that is
-//! half pinched unstretched. Where a part is deep inside another one, the cloth around the vertex holds it alone.
+//! half pinched unstretched. Where a part passes through another one fast, the cloth around the vertex holds it alone.
 
 use super::{BodyContact, CollisionStep, LastContact, Search, VertexContact};
 use crate::Vec3;
@@ -81,7 +81,7 @@ impl Search<'_> {
             }
             // B.7 looks ahead, and would give the vertex the velocity of a part that is about to pass through it.
             let is_ahead = at.phi < offset + 2.0 * (self.own_way + at.displacement.norm())
-                && !self.in_deep_part(vertex, (body, &at), x1);
+                && !self.is_passed_through(vertex, (body, &at), x1);
             if constraint.is_some() || is_ahead {
                 let friction = properties.friction_on(self.painted.get(vertex));
                 contact.add(BodyContact { body, at, offset, constraint, friction });
@@ -102,11 +102,12 @@ impl Search<'_> {
         Gap { room, width, between: x - at.normal * (away - room) }
     }
 
-    /// Whether a vertex at `x` that is near this place of a body meets a part that is deep inside another one, or comes out of it, and passes
-    /// through.
-    pub(super) fn in_deep_part(&self, vertex: usize, (body, at): (usize, &BodyPoint), x: &Vec3) -> bool {
+    /// Whether a vertex at `x` that is near this place of a body is in the way of a part that goes fast into another one or comes out of it.
+    /// It must not take the velocity of that part. Slow parts drag cloth along as those of a fold do.
+    pub(super) fn is_passed_through(&self, vertex: usize, (body, at): (usize, &BodyPoint), x: &Vec3) -> bool {
         let carried = self.step.x[vertex] + at.displacement;
-        self.step.bodies.is_in_deep_part(body, at.triangle, [x, &carried], self.search)
+        let bodies = self.step.bodies;
+        bodies.has_passing_part(body) && bodies.is_in_deep_part(body, at.triangle, [x, &carried], self.search)
     }
 
     /// Mean velocity of the surfaces around a vertex at `x` [m/s], if it lies inside one part of the body that it has touched wherever it
@@ -134,7 +135,7 @@ impl Search<'_> {
 
     /// The pinch of a vertex at `x` by parts of the body that it has touched.
     fn by_parts(&self, vertex: usize, touch: &LastContact, x: &Vec3) -> Option<Pinch> {
-        if self.in_deep_part(vertex, (touch.body, &touch.at), x) {
+        if self.is_passed_through(vertex, (touch.body, &touch.at), x) {
             return Some(Pinch { drag: None });
         }
         self.between_parts(touch, x).map(|velocity| Pinch { drag: Some(velocity) })
