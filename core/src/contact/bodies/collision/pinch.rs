@@ -103,11 +103,12 @@ impl Search<'_> {
     }
 
     /// Whether a vertex at `x` that is near this place of a body is in the way of a part that goes fast into another one or comes out of it.
-    /// It must not take the velocity of that part. Slow parts drag cloth along as those of a fold do.
+    /// It must not take the velocity of that part. In short steps slow parts drag cloth along as those of a fold do.
     pub(super) fn is_passed_through(&self, vertex: usize, (body, at): (usize, &BodyPoint), x: &Vec3) -> bool {
         let carried = self.step.x[vertex] + at.displacement;
         let bodies = self.step.bodies;
-        bodies.has_passing_part(body) && bodies.is_in_deep_part(body, at.triangle, [x, &carried], self.search)
+        let is_passing = self.step.pinched_in_solves || bodies.has_passing_part(body);
+        is_passing && bodies.is_in_deep_part(body, at.triangle, [x, &carried], self.search)
     }
 
     /// Mean velocity of the surfaces around a vertex at `x` [m/s], if it lies inside one part of the body that it has touched wherever it
