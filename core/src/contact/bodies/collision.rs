@@ -28,7 +28,6 @@ use crate::contact::bodies::{Bodies, BodyContactProperties, BodyPoint};
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
-use crate::tolerances::PINCH_DRAG;
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
 use pinch::Pinch;
@@ -391,9 +390,7 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, &before) {
                 if self.is_passed_through(vertex, (body, &at), &before) {
                     self.counts.contacts += 1;
-                    self.counts.pinched += 1;
-                    *contact = VertexContact { pinching: Some(Pinch { drag: None }), ..VertexContact::default() };
-                    *v_star = step.v[vertex];
+                    self.release(vertex, Pinch { drag: None }, &before, (x1, v_star, contact));
                     self.remember(x, x1);
                     return;
                 }
@@ -425,15 +422,7 @@ impl Search<'_> {
         }
         self.counts.contacts += u64::from(touched.is_some());
         if let Some(pinch) = self.resolve_pinch(vertex, x, x1, contact, touched) {
-            self.counts.pinched += 1;
-            *contact = VertexContact { pinching: Some(pinch), ..VertexContact::default() };
-            (*v_star, *x1) = (step.v[vertex], before);
-            if let Some(surroundings) = pinch.drag.filter(|_| !step.pinched_in_solves) {
-                // Let go, but dragged along: springs move it freely, its weight does not carry it away.
-                let kept = (-PINCH_DRAG * dt).exp();
-                *v_star = surroundings + (step.v[vertex] - surroundings) * kept;
-                *x1 = x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt;
-            }
+            self.release(vertex, pinch, &before, (x1, v_star, contact));
         }
         self.remember(x, x1);
     }

@@ -496,10 +496,10 @@ impl Surface {
         let [before, now] = &self.crossings;
         let deep = |crossings, x| DeepParts::of(&self.mesh, crossings, x, &moved, &self.joined);
         let at_start = deep(before, x);
-        self.passed = self.passed.clone().and(&at_start.passing(x)).at(y);
+        self.passed = self.passed.and_passing(&at_start, y);
         let at_end = deep(now, y).and(&self.passed);
         self.deep_parts = [at_start.and(&self.deep_parts[1]), at_end];
-        self.deep_at_frame = self.deep_at_frame.clone().and(&self.deep_at_frame.clone().at(y));
+        self.deep_at_frame.up_to(y);
         self.latest = sample;
         Ok(())
     }

@@ -107,9 +107,9 @@ impl DeepParts {
         Self { region: box_of(x, points.iter().copied()), points, passing: Vec::new() }
     }
 
-    /// These parts where the points are at `x` [m].
-    pub(super) fn at(self, x: &[Vec3]) -> Self {
-        Self::with_points(x, self.points)
+    /// These parts on the way to `x` [m] as well.
+    pub(super) fn up_to(&mut self, x: &[Vec3]) {
+        self.region = self.region.union(&box_of(x, self.points.iter().copied()));
     }
 
     /// Whether any go through the other part's surface fast.
@@ -117,18 +117,15 @@ impl DeepParts {
         !self.passing.is_empty()
     }
 
-    /// The points among them that go through the other part's surface.
-    pub(super) fn passing(&self, x: &[Vec3]) -> Self {
-        Self::with_points(x, self.passing.clone())
+    /// The points of these parts, and those among `others` that go through the other part's surface, where they are at `x` [m].
+    pub(super) fn and_passing(&self, others: &Self, x: &[Vec3]) -> Self {
+        Self::with_points(x, united(&self.points, &others.passing))
     }
 
     /// These parts and `others`.
-    pub(super) fn and(mut self, others: &Self) -> Self {
-        self.region = self.region.union(&others.region);
-        self.points.extend(&others.points);
-        self.points.sort_unstable();
-        self.points.dedup();
-        self
+    pub(super) fn and(self, others: &Self) -> Self {
+        let points = united(&self.points, &others.points);
+        Self { region: self.region.union(&others.region), points, passing: self.passing }
     }
 
     /// Box around them [m].
@@ -157,6 +154,11 @@ pub(super) fn deep_points(mesh: &MovingSurface, crossings: &PartCrossings, x: &[
     if crossings.crossing.is_empty() { Vec::new() } else { Places::of(mesh.triangles(), crossings, x).deep }
 }
 
+/// Mean of a vector over the corners of a triangle.
+fn mean_of(corners: [u32; 3], vector: impl Fn(u32) -> Vec3) -> Vec3 {
+    corners.map(vector).iter().sum::<Vec3>() / 3.0
+}
+
 /// Box of some points [m].
 fn box_of(x: &[Vec3], points: impl Iterator<Item = u32>) -> Aabb {
     points.fold(Aabb::EMPTY, |all, point| all.union(&Aabb::of_point(&x[point as usize])))
@@ -164,8 +166,12 @@ fn box_of(x: &[Vec3], points: impl Iterator<Item = u32>) -> Aabb {
 
 /// The points of some triangles and of the triangles around them, and others, ascending.
 fn with_surroundings(triangles: &[[u32; 3]], some: &[u32], others: &[u32]) -> Vec<u32> {
-    let mut points = points_around(triangles, some);
-    points.extend(others);
+    united(&points_around(triangles, some), others)
+}
+
+/// The points of both, ascending.
+fn united(a: &[u32], b: &[u32]) -> Vec<u32> {
+    let mut points = [a, b].concat();
     points.sort_unstable();
     points.dedup();
     points
@@ -272,10 +278,9 @@ impl Places {
     /// A place is deep, too, with triangles that move past one another by as much.
     fn pass_by_fast(&mut self, triangles: &[[u32; 3]], crossings: &PartCrossings, moved: &impl Fn(u32) -> Vec3) {
         for [a, b] in &crossings.crossing {
-            let corners = |t: u32| triangles[t as usize];
-            let moved = |t: u32| corners(t).iter().map(|p| moved(*p)).sum::<Vec3>() / 3.0;
+            let moved = |t: u32| mean_of(triangles[t as usize], moved);
             if (moved(*a) - moved(*b)).norm() > self.least_depth {
-                self.is_deep.insert(self.place_of[&corners(*a)[0]], true);
+                self.is_deep.insert(self.place_of[&triangles[*a as usize][0]], true);
             }
         }
     }
@@ -289,12 +294,11 @@ impl Places {
         x: &[Vec3],
         moved: &impl Fn(u32) -> Vec3,
     ) -> Vec<u32> {
-        let mean = |t: u32, of: &dyn Fn(u32) -> Vec3| triangles[t as usize].map(of).iter().sum::<Vec3>() / 3.0;
         let (mut of_body, mut whole) = (Vec3::zeros(), 0.0);
-        for (t, corners) in triangles.iter().enumerate() {
+        for corners in triangles {
             let [a, b, c] = corners.map(|point| x[point as usize]);
             let area = (b - a).cross(&(c - a)).norm();
-            of_body += mean(t as u32, moved) * area;
+            of_body += mean_of(*corners, moved) * area;
             whole += area;
         }
         of_body /= whole;
@@ -305,7 +309,7 @@ impl Places {
             if !self.are_deep_at(triangles[*a as usize][0]) {
                 continue;
             }
-            let [mut fast, mut slow] = [*a, *b].map(|t| (mean(t, moved), t));
+            let [mut fast, mut slow] = [*a, *b].map(|t| (mean_of(triangles[t as usize], moved), t));
             if (fast.0 - of_body).norm() < (slow.0 - of_body).norm() {
                 std::mem::swap(&mut fast, &mut slow);
             }
@@ -316,7 +320,7 @@ impl Places {
                 continue;
             }
             done = Some(fast.1);
-            let crossing = mean(fast.1, &|point| x[point as usize]);
+            let crossing = mean_of(triangles[fast.1 as usize], |point| x[point as usize]);
             for point in points().filter(|point| (x[*point as usize] - crossing).norm() < reach) {
                 is_passing[point as usize] |= (moved(point) - slow.0).dot(&relative) > 0.5 * reach * reach;
             }

@@ -8,7 +8,7 @@
 use super::{BodyContact, CollisionStep, LastContact, Search, VertexContact};
 use crate::Vec3;
 use crate::contact::bodies::BodyPoint;
-use crate::tolerances::FACING;
+use crate::tolerances::{FACING, PINCH_DRAG};
 
 /// A vertex that surfaces leave no room: it passes through them.
 #[derive(Debug, Clone, Copy)]
@@ -80,14 +80,36 @@ impl Search<'_> {
                 at.phi += deep;
             }
             // B.7 looks ahead, and would give the vertex the velocity of a part that is about to pass through it.
-            let is_ahead = at.phi < offset + 2.0 * (self.own_way + at.displacement.norm())
-                && !self.is_passed_through(vertex, (body, &at), x1);
-            if constraint.is_some() || is_ahead {
+            let is_ahead = || {
+                at.phi < offset + 2.0 * (self.own_way + at.displacement.norm())
+                    && !self.is_passed_through(vertex, (body, &at), x1)
+            };
+            if constraint.is_some() || is_ahead() {
                 let friction = properties.friction_on(self.painted.get(vertex));
                 contact.add(BodyContact { body, at, offset, constraint, friction });
             }
         }
         None
+    }
+
+    /// Gives up the contacts of a vertex, which goes to `free` if nothing drags it.
+    pub(super) fn release(
+        &mut self,
+        vertex: usize,
+        pinch: Pinch,
+        free: &Vec3,
+        (x1, v_star, contact): (&mut Vec3, &mut Vec3, &mut VertexContact),
+    ) {
+        let (x, v, v_half) = (&self.step.x[vertex], &self.step.v[vertex], &self.step.v_half[vertex]);
+        self.counts.pinched += 1;
+        *contact = VertexContact { pinching: Some(pinch), ..VertexContact::default() };
+        (*v_star, *x1) = (*v, *free);
+        if let Some(surroundings) = pinch.drag.filter(|_| !self.step.pinched_in_solves) {
+            // Springs move it freely, its weight does not carry it away.
+            let kept = (-PINCH_DRAG * self.step.dt).exp();
+            *v_star = surroundings + (v - surroundings) * kept;
+            *x1 = x + (*v_star + (v_half - v)) * self.step.dt;
+        }
     }
 
     /// The gap between the surface that a vertex at `x` has touched and one that faces it.
