@@ -74,8 +74,8 @@ pub struct MeshSummary {
     pub topology: &'static str,
     /// Number of samples of the points.
     pub samples: usize,
-    /// Times of the first and the last sample [s].
-    pub times: [f64; 2],
+    /// Times of the first and the last sample [s]; `None` where the file has frames without a rate.
+    pub times: Option<[f64; 2]>,
     /// Smallest and largest coordinates of the first sample, in world space and the file's unit.
     pub bounds: Option<[[f64; 3]; 2]>,
     /// Name of the UV set and number of its values.

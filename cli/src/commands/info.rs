@@ -52,10 +52,14 @@ fn print_mesh(mesh: &MeshSummary, fps: Option<f64>) {
     say::line(format_args!("  points: {}", mesh.points));
     say::line(format_args!("  faces: {triangles} triangles, {quads} quads, {others} with more corners"));
     say::line(format_args!("  topology: {}", mesh.topology));
-    let [first, last] = mesh.times;
-    let frames =
-        fps.map_or(String::new(), |fps| format!(", frames {:.3} to {:.3} at {fps} fps", first * fps, last * fps));
-    say::line(format_args!("  samples: {} from {first:.6} s to {last:.6} s{frames}", mesh.samples));
+    let mut samples = mesh.samples.to_string();
+    if let Some([first, last]) = mesh.times {
+        samples += &format!(" from {first:.6} s to {last:.6} s");
+        if let Some(fps) = fps {
+            samples += &format!(", frames {:.3} to {:.3} at {fps} fps", first * fps, last * fps);
+        }
+    }
+    say::line(format_args!("  samples: {samples}"));
     if let Some([low, high]) = mesh.bounds {
         say::line(format_args!("  bounds of the first sample: {low:.6?} to {high:.6?}"));
     }

@@ -237,16 +237,48 @@ fn curves_text(scene: &SceneDescription) -> String {
     if scene.curves.is_empty() && maps.is_empty() {
         return String::new();
     }
-    let key = |(frame, value): &(f64, SettingValue)| format!("{} at {frame}", effects::value_text(value));
     let mut text = String::from("\nnumbers over time, by frame\n");
     for (path, keys) in &scene.curves {
-        text += &format!("  {path}: {}\n", keys.iter().map(key).collect::<Vec<_>>().join(", "));
+        text += &format!("  {path}: {}\n", keys_text(keys));
     }
     for (path, frames) in maps {
         let frames: Vec<String> = frames.iter().map(ToString::to_string).collect();
         text += &format!("  {path}: maps at {}\n", frames.join(", "));
     }
     text
+}
+
+/// Keys that the text of a plan shows of a curve.
+const KEYS_SHOWN: usize = 12;
+
+/// Keys of a curve: equal ones in a row as one, and of many the first and the last.
+fn keys_text(keys: &NumberCurve) -> String {
+    let runs: Vec<String> = keys
+        .chunk_by(|(_, a), (_, b)| a == b)
+        .filter_map(|run| {
+            let ((first, value), (last, _)) = (run.first()?, run.last()?);
+            let until = if first == last { String::new() } else { format!(" to {last}") };
+            Some(format!("{} at {first}{until}", effects::value_text(&shortest(value))))
+        })
+        .collect();
+    if runs.len() <= KEYS_SHOWN {
+        return runs.join(", ");
+    }
+    let (first, last) = (&runs[..KEYS_SHOWN - 1], &runs[runs.len() - 1]);
+    format!("{}, …, {last} ({} keys; all with --json)", first.join(", "), keys.len())
+}
+
+/// The same value with the digits of single precision where it has no more, as in files.
+fn shortest(value: &SettingValue) -> SettingValue {
+    let short = |number: f64| match (number as f32).to_string().parse() {
+        Ok(short) if f64::from(number as f32) == number => short,
+        _ => number,
+    };
+    match value {
+        SettingValue::Number(number) => SettingValue::Number(short(*number)),
+        SettingValue::Vector(vector) => SettingValue::Vector(vector.map(short)),
+        other => other.clone(),
+    }
 }
 
 /// Paths of the maps that change over time, and their frames.

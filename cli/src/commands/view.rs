@@ -4,8 +4,11 @@ use std::io::ErrorKind;
 use std::net::Ipv4Addr;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
 
 use drapery_analysis::view::{self, Answer, ViewError, Viewer};
+use drapery_io::error::IoError;
+use drapery_shot::farm::lock::{self, Presence};
 use drapery_shot::fault::Fault;
 use oxhttp::model::header::{CACHE_CONTROL, CONTENT_TYPE, HOST};
 use oxhttp::model::{Body, Method, Request, Response, StatusCode};
@@ -25,12 +28,18 @@ const PORTS: u16 = 32;
 /// Connections at a time; a browser has six.
 const CONNECTIONS: usize = 64;
 
+/// Time that a run is given to appear: a program that has just been launched reads its scene before it writes.
+const LAUNCH: Duration = Duration::from_secs(5);
+
+/// Interval between two looks for a run.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
 /// Shows a run, or writes a page of it.
 pub(crate) fn view(args: &ViewArgs) -> Result<ExitCode, Failure> {
     if let Some(file) = &args.page {
         return write(&args.folder, file);
     }
-    let viewer = Arc::new(Viewer::new(&args.folder)?);
+    let viewer = Arc::new(launched(&args.folder)?);
     let page: Arc<str> = view::page()?.into();
     let (server, port) = serve(&viewer, &page, args.port)?;
     let address = format!("http://{}:{port}/", Ipv4Addr::LOCALHOST);
@@ -43,6 +52,29 @@ pub(crate) fn view(args: &ViewArgs) -> Result<ExitCode, Failure> {
         .join()
         .map_err(|error| Failure::new(ExitCode::Io, format!("the page cannot be served any more: {error}")))?;
     Ok(ExitCode::Done)
+}
+
+/// The run of a folder: waits for one that is being launched, as long as it holds the folder.
+fn launched(folder: &Path) -> Result<Viewer, ViewError> {
+    let mut last_held = Instant::now();
+    let mut is_waiting = false;
+    loop {
+        let error = match Viewer::new(folder) {
+            Err(error @ ViewError::Run(IoError::NoRun { .. })) => error,
+            other => return other,
+        };
+        let holder = lock::holder(folder, SystemTime::now())?;
+        if holder.is_some_and(|holder| holder.presence == Presence::Alive) {
+            last_held = Instant::now();
+        }
+        if last_held.elapsed() > LAUNCH {
+            return Err(error);
+        }
+        if !std::mem::replace(&mut is_waiting, true) {
+            say::line(format_args!("waiting for a run in {}; Ctrl-C ends it", folder.display()));
+        }
+        std::thread::sleep(LOOK_AGAIN);
+    }
 }
 
 fn write(folder: &Path, file: &Path) -> Result<ExitCode, Failure> {

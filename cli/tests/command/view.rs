@@ -4,10 +4,13 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Stdio};
+use std::time::SystemTime;
 
 use drapery_analysis::view::{LARGEST_PAGE, has_library};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_selftest::files::SHEET;
+use drapery_shot::farm::lock::RunLock;
+use drapery_shot::farm::process::Owner;
 use serde_json::Value;
 
 use crate::{command, drapery, folder_with};
@@ -27,13 +30,22 @@ impl Drop for Served {
 
 impl Served {
     fn start(folder: &Path) -> Self {
+        Self::start_while(folder, || panic!("a run is there"))
+    }
+
+    /// The same, with something that happens while it waits for a run.
+    fn start_while(folder: &Path, waits: impl FnOnce()) -> Self {
         let mut process =
             command(folder, &["view", "out", "--no-browser"]).stdout(Stdio::piped()).spawn().expect("it starts");
-        let mut line = String::new();
-        let output = process.stdout.take().expect("its output");
-        BufReader::new(output).read_line(&mut line).expect("the address");
-        let port = line.strip_prefix("http://127.0.0.1:").and_then(|rest| rest.split('/').next());
-        let port = port.and_then(|port| port.parse().ok()).unwrap_or_else(|| panic!("no address: {line}"));
+        let mut lines = BufReader::new(process.stdout.take().expect("its output")).lines();
+        let mut line = || lines.next().expect("a line").expect("text");
+        let mut address = line();
+        if address.starts_with("waiting for a run") {
+            waits();
+            address = line();
+        }
+        let port = address.strip_prefix("http://127.0.0.1:").and_then(|rest| rest.split('/').next());
+        let port = port.and_then(|port| port.parse().ok()).unwrap_or_else(|| panic!("no address: {address}"));
         Self { process, port }
     }
 
@@ -193,6 +205,22 @@ fn a_written_page_holds_the_run_and_says_how_large_it_is() {
     assert!(run["places"]["object/0/frame/1003/strain"].is_u64() && run["places"]["object/1/triangles"].is_u64());
     // The ball stands still, so its points are there once.
     assert_eq!(run["places"]["object/1/frame/1001/points"], run["places"]["object/1/frame/1004/points"]);
+}
+
+#[test]
+fn a_run_that_is_being_launched_is_waited_for() {
+    if !has_library() {
+        return;
+    }
+    let folder = folder_with(SHEET);
+    let out = folder.path().join("out");
+    let lock = RunLock::take(&out, &Owner::this_process(), false, SystemTime::now()).expect("a free folder");
+    let served = Served::start_while(folder.path(), || {
+        drop(lock);
+        let run = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q"]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    });
+    assert_eq!(served.state()["objects"][0]["name"], "sheet");
 }
 
 #[test]

@@ -24,9 +24,7 @@ impl Simulation {
         let description = self.scene.description();
         for (path, value) in numbers {
             let problem = |what: String, advice: &str| Problem::scene(path.clone(), what, advice);
-            check_number(description, path, value).map_err(|what| {
-                problem(what, "name a number of an effect, a garment, a pin, a body, a seam or a contact")
-            })?;
+            check_number(description, path, value).map_err(|(what, advice)| problem(what, advice))?;
             if description.curves.contains_key(path) {
                 return Err(problem("a curve of the scene changes this number".into(), "remove the curve"));
             }

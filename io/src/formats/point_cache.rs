@@ -176,22 +176,25 @@ fn summary(path: &Path, kind: Kind) -> Result<FileSummary, IoError> {
     let (points, samples, before) = match kind {
         Kind::Pc2 if header[..12] != *SIGNATURE => return Err(wrong("it does not begin with POINTCACHE2")),
         Kind::Pc2 => {
-            let first = f32::from_le_bytes(word(20));
-            properties.push(("first frame".to_owned(), first.to_string()));
-            properties.push(("frames a sample".to_owned(), f32::from_le_bytes(word(24)).to_string()));
-            (count(16)?, count(28)?, 32)
+            let [first, step] = [20, 24].map(|at| f32::from_le_bytes(word(at)));
+            let (points, samples) = (count(16)?, count(28)?);
+            let last = first + step * samples.saturating_sub(1) as f32;
+            for (name, value) in [("first frame", first), ("last frame", last), ("frames a sample", step)] {
+                properties.push((name.to_owned(), value.to_string()));
+            }
+            (points, samples, 32)
         }
         Kind::Mdd => (count(4)?, count(0)?, 8 + 4 * count(0)?),
     };
     if before + points * samples * POINT as u64 != length {
         return Err(wrong(&format!("{samples} samples of {points} points do not fit its {length} bytes")));
     }
-    let mut times = [0.0; 2];
+    let mut times = None;
     if kind == Kind::Mdd && samples > 0 {
         let mut stored = vec![0; 4 * samples as usize];
         file.read_exact(&mut stored).map_err(failed)?;
         let all = stored.as_chunks::<4>().0;
-        times = [all[0], all[all.len() - 1]].map(|bytes| f64::from(f32::from_be_bytes(bytes)));
+        times = Some([all[0], all[all.len() - 1]].map(|bytes| f64::from(f32::from_be_bytes(bytes))));
     }
     let mesh = MeshSummary {
         path: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),

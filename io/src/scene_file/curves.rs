@@ -121,11 +121,13 @@ pub(super) fn may_change(field: &Field) -> bool {
     is_number || matches!(field.default, Default::Vector(_) | Default::RequiredVector)
 }
 
-/// Whether a list of lists stands where a number, or a list of three, is expected.
+/// Whether a list stands where a number, or a list of three, is expected: of lists, or of another length.
 fn is_curve(field: &Field, node: &Node) -> bool {
     let is_list = |node: &Node| matches!(node.value, Value::Array(_));
-    let is_keys = matches!(&node.value, Value::Array(items) if items.iter().any(is_list) || items.is_empty());
-    may_change(field) && (is_keys || channels::is_channel(node))
+    let length = if field.default.is_number() { 0 } else { 3 };
+    let is_keys = |items: &[Node]| items.iter().any(is_list) || items.len() != length || items.is_empty();
+    let is_curve = matches!(&node.value, Value::Array(items) if is_keys(items));
+    may_change(field) && (is_curve || channels::is_channel(node))
 }
 
 /// Frames per second of the shot; what is wrong with them is reported elsewhere.
@@ -182,18 +184,22 @@ fn keys(field: &Field, node: &Node, sources: &Sources) -> Result<(NumberCurve, V
     for (frame, value) in frames(field.name, &form, node, sources)? {
         let checked =
             fields::setting(&value.value).ok_or_else(|| field.expected()).and_then(|value| field.check(&value));
-        let wrong = |what| {
-            sources.error(
-                &value.place,
-                format!("at frame {frame}: {what}"),
-                Some("correct the value of this key".to_owned()),
-            )
-        };
+        let wrong =
+            |what| sources.error(&value.place, format!("at frame {frame}: {what}"), Some(key_form(field, frame)));
         keys.push((frame, checked.map_err(wrong)?));
         first.get_or_insert_with(|| value.value.clone());
     }
     // There is a key.
     Ok((keys, first.unwrap_or_else(|| node.value.clone())))
+}
+
+/// Shows how a key at a frame is written.
+fn key_form(field: &Field, frame: f64) -> String {
+    match (field.default.is_number(), field.dimension.si_unit()) {
+        (false, _) => format!("write the key as [{frame}, [x, y, z]]"),
+        (true, "") => format!("write the key as [{frame}, NUMBER]"),
+        (true, unit) => format!("write the key as [{frame}, NUMBER], in {unit}, or as [{frame}, \"NUMBER UNIT\"]"),
+    }
 }
 
 /// Frames and values of the keys of a curve with this name; `form` shows how one is written.
@@ -302,8 +308,10 @@ mod tests {
                 "frames of `friction` have to increase: 12 comes after 12",
             ),
             (plain.0, "friction = [[nan, 0.5]]", plain.2, "the frame of a key of `friction` has to be a number"),
-            (plain.0, "friction = [[12, nan]]", plain.2, "at frame 12: `friction`"),
+            (plain.0, "friction = [[12, nan]]", plain.2, "write the key as [12, NUMBER]"),
             (plain.0, "friction = [[12]]", plain.2, "has to be [frame, value]"),
+            (plain.0, "friction = [12, 0.5, 15, 0.2]", plain.2, "friction = [[frame, value], …]"),
+            ("acceleration = [12, 0, -9, 0]", plain.1, plain.2, "acceleration = [[frame, value], …]"),
             (plain.0, "friction = []", plain.2, "the curve of `friction` has no keys"),
             (
                 plain.0,
@@ -311,7 +319,7 @@ mod tests {
                 plain.2,
                 "ends at frame 10, before the first frame that is simulated, 11",
             ),
-            (plain.0, plain.1, "stiffness = [[12, \"3 kg\"]]", "at frame 12"),
+            (plain.0, plain.1, "stiffness = [[12, \"3 kg\"]]", "write the key as [12, NUMBER], in N/m"),
             (plain.0, plain.1, "stiffness = [[12, -3]]", "at frame 12: `stiffness` = -3 N/m"),
             ("acceleration = [[12, 3]]", plain.1, plain.2, "at frame 12: `acceleration` has to be three numbers"),
         ] {

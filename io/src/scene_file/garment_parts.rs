@@ -8,10 +8,13 @@ use globset::Glob;
 use super::deserialize::suggestion;
 use super::pins::Named;
 use super::raw::{Garment, Part};
-use super::render_mesh::NO_FACE_SETS;
 use super::resolve::{ReadGarment, Resolver};
 use super::tree::Path;
 use crate::mesh_data::MeshData;
+
+/// Remedy where a part names face sets and the garment has none.
+const NO_FACE_SETS: &str = "it has none at all: make a face set of these faces (a group `g` in OBJ) and export the file again, or \
+                            choose the part by `map`, `vertices` or `where`";
 
 impl Resolver<'_> {
     /// The parts of a garment by their names, each with its vertices. Problems are recorded.
@@ -51,7 +54,7 @@ impl Resolver<'_> {
         } else {
             let path = path.clone().key("faces");
             let data = self.of_file(&path, read.mesh.read())?;
-            let faces = self.faces_of_sets(&data, faces, ("the garment", &path))?;
+            let faces = self.faces_of_sets(&data, faces, &path, ("the garment", NO_FACE_SETS))?;
             let all: Vec<&[u32]> = data.mesh.faces().collect();
             faces.iter().filter_map(|face| all.get(*face as usize)).flat_map(|face| face.iter().copied()).collect()
         };
@@ -60,12 +63,14 @@ impl Resolver<'_> {
         Some(chosen)
     }
 
-    /// Faces of the face sets that patterns name; each names one at least. Problems are recorded.
+    /// Faces of the face sets that patterns name; each names one at least. Problems are recorded, with the remedy `without` where
+    /// the mesh has no face sets.
     pub(super) fn faces_of_sets(
         &mut self,
         data: &MeshData,
         patterns: &[String],
-        (what, here): (&str, &Path),
+        here: &Path,
+        (what, without): (&str, &str),
     ) -> Option<Vec<u32>> {
         let mut faces = Vec::new();
         for (index, pattern) in patterns.iter().enumerate() {
@@ -78,7 +83,7 @@ impl Resolver<'_> {
             if faces.len() == before {
                 let names: Vec<&str> = data.face_sets.iter().map(|set| set.name.as_str()).collect();
                 let text = format!("{what} has no face set `{pattern}`");
-                let help = if names.is_empty() { NO_FACE_SETS.to_owned() } else { suggestion(pattern, &names) };
+                let help = if names.is_empty() { without.to_owned() } else { suggestion(pattern, &names) };
                 self.error_with(&at, text, help);
                 return None;
             }

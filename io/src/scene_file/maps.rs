@@ -97,7 +97,8 @@ impl Resolver<'_> {
         let (values, source) = match name.strip_prefix(FILE) {
             Some(file) => (self.map_file(path, file)?, self.scene.folder.join(file).display().to_string()),
             None => {
-                let values = self.check(path, attribute(data?, name))?;
+                let found = attribute(data?, name);
+                let values = found.map_err(|(what, help)| self.error_with(path, what, help)).ok()?;
                 (values, format!("{}, attribute `{name}`", mesh.path().display()))
             }
         };
@@ -147,24 +148,32 @@ fn numbers(text: &str) -> Result<Vec<f64>, (usize, String)> {
     Ok(found)
 }
 
-/// The values of an attribute for each point.
-fn attribute(data: &MeshData, name: &str) -> Result<Vec<f64>, String> {
+/// The values of an attribute for each point; else the reason, and what to do.
+fn attribute(data: &MeshData, name: &str) -> Result<Vec<f64>, (String, String)> {
     let usable = |param: &&MeshParam| matches!(param.scope, Scope::Vertex | Scope::Varying | Scope::Constant);
     let Some(param) = data.params.iter().filter(usable).find(|param| param.name == name) else {
         let names: Vec<&str> = data.params.iter().filter(usable).map(|param| param.name.as_str()).collect();
         return Err(match (names.is_empty(), data.params.iter().any(|param| param.name == name)) {
-            (_, true) => format!("the attribute `{name}` does not have one value for each point"),
-            (true, _) => format!("the rest shape has no attribute `{name}`, nor any other for its points"),
-            (false, _) => format!("the rest shape has no attribute `{name}`; {}", suggestion(name, &names)),
+            (_, true) => (
+                format!("the attribute `{name}` does not have one value for each point"),
+                "store it for points (per vertex), not for corners or faces, and export again".to_owned(),
+            ),
+            (true, _) => (
+                format!("the rest shape has no attribute `{name}`, nor any other for its points"),
+                format!("paint it and export the rest shape with its attributes, or write \"{FILE}NUMBERS.txt\""),
+            ),
+            (false, _) => (format!("the rest shape has no attribute `{name}`"), suggestion(name, &names)),
         });
     };
-    let values = components(param).ok_or_else(|| format!("the attribute `{name}` does not hold numbers"))?;
+    let damaged = |what: &str| (format!("the attribute `{name}` {what}"), "export the rest shape again".to_owned());
+    let no_numbers = || (format!("the attribute `{name}` does not hold numbers"), "paint it as numbers".to_owned());
+    let values = components(param).ok_or_else(no_numbers)?;
     let at = |index: u32| values.get(index as usize).copied();
     let shared = match &param.indices {
         Some(indices) => indices.iter().map(|index| at(*index)).collect(),
         None => Some(values.clone()),
     };
-    let values = shared.ok_or_else(|| format!("the attribute `{name}` refers to values that it does not have"))?;
+    let values = shared.ok_or_else(|| damaged("refers to values that it does not have"))?;
     let points = data.mesh.points.len();
     match values.as_slice() {
         [value] if param.scope == Scope::Constant => Ok(vec![*value; points]),
@@ -229,8 +238,10 @@ mod tests {
         assert_eq!(attribute(&data, "shared").unwrap(), [3.0, 2.0, 3.0]);
         assert_eq!(attribute(&data, "red").unwrap(), [0.1_f32, 0.2, 0.3].map(f64::from));
         assert_eq!(attribute(&data, "all").unwrap(), [4.0; 3]);
-        assert!(attribute(&data, "thik").unwrap_err().contains("thick"));
-        assert!(attribute(&data, "corner").unwrap_err().contains("for each point"));
+        assert!(attribute(&data, "thik").unwrap_err().1.contains("thick"));
+        assert!(attribute(&data, "corner").unwrap_err().0.contains("for each point"));
+        let bare = MeshData { params: Vec::new(), ..data };
+        assert!(attribute(&bare, "thick").unwrap_err().1.contains("file:NUMBERS.txt"));
     }
 
     #[test]

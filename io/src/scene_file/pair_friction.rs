@@ -166,7 +166,12 @@ mod tests {
         let request =
             shot.scene.effects.iter().find(|request| request.effect == self_repulsion::SPEC.name).expect("asked for");
         let rules = shot.scene.contacts.iter().filter_map(|rule| Some((rule.between, rule.friction?))).collect();
-        let SettingValue::Number(friction) = request.settings["friction"] else { panic!("a number") };
+        // Only what the scene or a material says is in the request.
+        let friction = match request.settings.get("friction") {
+            Some(SettingValue::Number(friction)) => *friction,
+            Some(other) => panic!("{other:?}"),
+            None => super::default_friction(),
+        };
         (friction, rules)
     }
 
@@ -205,8 +210,7 @@ mod tests {
         assert_eq!(found(&format!("{rule}friction = 0.7\n")), (0.5, vec![(one, 0.7), own]));
         assert_eq!(found(&format!("{rule}thickness = \"1 mm\"\n")), (0.5, vec![(one, 0.375), own]), "filled in");
         assert_eq!(found(&format!("{rule}ignore = true\n")), (0.5, vec![own]), "without friction");
-        let body =
-            "[self_repulsion]\n[body_collision]\n[[body]]\nname = \"ball\"\nshape = { sphere = { radius = 0.1 } }\n";
+        let body = "[self_repulsion]\n[[body]]\nname = \"ball\"\nshape = { sphere = { radius = 0.1 } }\n";
         let (_, rules) = found(body);
         assert!(rules.contains(&([Garment(1), Body(0)], 0.25)), "{rules:?}");
     }

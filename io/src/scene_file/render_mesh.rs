@@ -22,8 +22,8 @@ const OF_POINT: f64 = 400.0;
 /// Longest name of a garment with a render mesh [bytes]: that of its caches is longer.
 const LONGEST_NAME: usize = 235 - RENDER.len();
 
-/// Remedy where parts are to stay rigid and the file names none.
-pub(super) const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
+/// Remedy where parts are to stay rigid and the file has no face sets.
+const NO_FACE_SETS: &str = "it has none at all: make a face set of each part that stays rigid (a group `g` in OBJ), export the \
                             file again, or leave `rigid` out";
 
 /// Attributes that the moving normals take the place of.
@@ -105,7 +105,8 @@ impl Resolver<'_> {
 
     /// Points of each part that stays rigid: of every connected piece of the face sets that are named.
     fn rigid_parts(&mut self, data: &MeshData, written: &RenderMesh, here: &Path) -> Option<Vec<Vec<u32>>> {
-        let faces = self.faces_of_sets(data, &written.rigid, ("the render mesh", &here.clone().key("rigid")))?;
+        let faces =
+            self.faces_of_sets(data, &written.rigid, &here.clone().key("rigid"), ("the render mesh", NO_FACE_SETS))?;
         Some(connected(data, faces))
     }
 }

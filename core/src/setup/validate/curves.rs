@@ -30,7 +30,7 @@ fn check_curve(description: &SceneDescription, path: &str, curve: &NumberCurve) 
     check_keys(curve.iter().map(|(frame, _)| *frame))?;
     for (frame, value) in curve {
         check_number(description, path, value)
-            .map_err(|what| (format!("at frame {frame}: {what}"), "correct this key".to_owned()))?;
+            .map_err(|(what, advice)| (format!("at frame {frame}: {what}"), advice.to_owned()))?;
     }
     Ok(())
 }
@@ -54,13 +54,28 @@ fn check_keys(frames: impl Iterator<Item = f64>) -> Result<(), (String, String)>
 /// Checks a value of the number at a path.
 ///
 /// # Errors
-/// The scene has no such number, or the value does not fit it.
-pub(crate) fn check_number(description: &SceneDescription, path: &str, value: &SettingValue) -> Result<(), String> {
-    let unknown = || format!("the scene has no number `{path}`");
-    let place = description.number_place(path).ok_or_else(unknown)?;
-    let field = match &place {
+/// The scene has no such number, or the value does not fit it; with what to do.
+pub(crate) fn check_number(
+    description: &SceneDescription,
+    path: &str,
+    value: &SettingValue,
+) -> Result<(), (String, &'static str)> {
+    let Some(field) = number_field(description, path) else {
+        let advice = "name a number of an effect, a garment, a pin, a body, a seam or a contact";
+        return Err((format!("the scene has no number `{path}`"), advice));
+    };
+    let checked = match value {
+        SettingValue::Number(_) | SettingValue::Vector(_) => field.check(value).map(drop),
+        _ => Err(field.expected()),
+    };
+    checked.map_err(|what| (what, "give a value that fits it, in the SI unit"))
+}
+
+/// The row of the number at a path.
+fn number_field(description: &SceneDescription, path: &str) -> Option<&'static Field> {
+    match &description.number_place(path)? {
         NumberPlace::Effect(effect, key) => {
-            let spec = effects::find(&description.effects[*effect].effect).ok_or_else(unknown)?;
+            let spec = effects::find(&description.effects[*effect].effect)?;
             spec.fields.iter().find(|field| field.name == key)
         }
         NumberPlace::Garment(_, key) => changing::<GarmentDescription>(key),
@@ -69,11 +84,6 @@ pub(crate) fn check_number(description: &SceneDescription, path: &str, value: &S
         NumberPlace::Body(_, key) => changing::<BodyDescription>(key),
         NumberPlace::Seam(_, key) => changing::<SeamDescription>(key),
         NumberPlace::Contact(_, key) => changing::<ContactRule>(key),
-    };
-    let field = field.ok_or_else(unknown)?;
-    match value {
-        SettingValue::Number(_) | SettingValue::Vector(_) => field.check(value).map(drop),
-        _ => Err(field.expected()),
     }
 }
 

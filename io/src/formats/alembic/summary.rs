@@ -58,7 +58,7 @@ fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
         summary.faces = face_kinds(&faces.face_counts);
         summary.normals =
             Normals::of(mesh.normals().is_some(), split_normals(mesh, 0, &faces, points.len())?.is_some());
-        summary.times = [mesh.time(0), mesh.time(count - 1)];
+        summary.times = Some([mesh.time(0), mesh.time(count - 1)]);
         summary.bounds = bounds(&points);
         summary.velocities = mesh.velocities(0)?.is_some();
     }

@@ -45,7 +45,7 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
         faces: face_kinds(&counts),
         topology: "constant faces, moving points",
         samples: done,
-        times: [times.first().copied().unwrap_or(0.0), times.get(done.max(1) - 1).copied().unwrap_or(0.0)],
+        times: times.first().copied().zip(times.get(done.max(1) - 1).copied()).map(<[f64; 2]>::from),
         uvs: datasets::dataset::<2>(&file, "uv_values").ok().map(|(_, [count, _])| ("uv".to_owned(), count)),
         attributes: [REST, STRAIN, CONTACT, THICKNESS]
             .into_iter()

@@ -81,7 +81,7 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
             (false, true) => "constant",
         },
         samples: codes.len().max(1),
-        times: [seconds(first), seconds(codes.last().copied().unwrap_or(0.0))],
+        times: Some([seconds(first), seconds(codes.last().copied().unwrap_or(0.0))]),
         bounds: bounds(&data.mesh.points),
         uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
