@@ -17,8 +17,8 @@ FARM = ROOT / "docs" / "guide" / "farm"
 SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
 FIRST, LAST = 1001, 1030
 ARGUMENTS = [SCENE, "--frames", f"{FIRST}-{LAST}"]
-# Longer than the grace time of a preempted job, and than the least time limit of a job with its notice.
-SHORT, LONG = ["--set", "resolution=60"], ["--set", "resolution=90"]
+# Longer, on fast machines too, than the grace time of a preempted job, and than the least time limit of a job with its notice.
+SHORT, LONG = 90, 150
 
 pytestmark = pytest.mark.full
 
@@ -38,7 +38,11 @@ def cluster():
 @pytest.fixture(scope="module")
 def whole(run_scene):
     """Files of a run that nobody disturbs."""
-    return results(run_scene(str(SCENE), f"{FIRST}-{LAST}", resolution=60))
+    return results(run_scene(str(SCENE), f"{FIRST}-{LAST}", resolution=SHORT))
+
+
+def sized(resolution):
+    return ["--set", f"resolution={resolution}"]
 
 
 def submit(cluster, out, *arguments, options=()):
@@ -59,7 +63,7 @@ def ends(out):
 def test_a_job_whose_time_is_over_goes_on_until_the_shot_is_done(cluster, run_scene, tmp_path):
     out = tmp_path / "out"
     # Slurm sends the notice up to a minute early.
-    job, log = submit(cluster, out, *LONG, options=["--time=2", "--signal=B:USR1@20"])
+    job, log = submit(cluster, out, *sized(LONG), options=["--time=2", "--signal=B:USR1@20"])
     end = cluster.wait_for_end(job)
     assert (end["JobState"], end["ExitCode"]) == ("COMPLETED", "0:0"), log.read_text()[-2000:]
     assert int(end["Restarts"]) == len(ends(out)) - 1 > 0
@@ -68,7 +72,7 @@ def test_a_job_whose_time_is_over_goes_on_until_the_shot_is_done(cluster, run_sc
     assert {attempt["threads"] for attempt in manifest(out)["attempts"]} == {2}
     # One log, continued.
     assert f"frame {FIRST}/{LAST}" in log.read_text() and f"frame {LAST}/{LAST}" in log.read_text()
-    assert_same(out, results(run_scene(str(SCENE), f"{FIRST}-{LAST}", resolution=90)))
+    assert_same(out, results(run_scene(str(SCENE), f"{FIRST}-{LAST}", resolution=LONG)))
 
 
 def preempt(cluster):
@@ -77,7 +81,7 @@ def preempt(cluster):
 
 def test_a_preempted_job_writes_a_checkpoint_and_slurm_starts_it_again(cluster, whole, tmp_path):
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT)
+    job, log = submit(cluster, out, *sized(SHORT))
     wait_for_frame(cluster, out, FIRST + 2)
     # The shell of a job is told at the end of the grace time.
     preempt(cluster)
@@ -90,7 +94,7 @@ def test_a_preempted_job_writes_a_checkpoint_and_slurm_starts_it_again(cluster, 
 
 def test_ranks_that_are_preempted_stop_in_the_grace_time_and_the_job_asks_for_another_start(cluster, whole, tmp_path):
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT, options=["--ntasks=2", "--cpus-per-task=1"])
+    job, log = submit(cluster, out, *sized(SHORT), options=["--ntasks=2", "--cpus-per-task=1"])
     wait_for_frame(cluster, out, FIRST + 2)
     # A step is told at once.
     preempt(cluster)
@@ -103,7 +107,7 @@ def test_ranks_that_are_preempted_stop_in_the_grace_time_and_the_job_asks_for_an
 
 def test_a_job_that_a_wrangler_requeues_goes_on(cluster, whole, tmp_path):
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT)
+    job, log = submit(cluster, out, *sized(SHORT))
     wait_for_frame(cluster, out, FIRST + 5)
     cluster.ask("scontrol", "requeue", job)
     end = cluster.wait_for_end(job)
@@ -114,13 +118,13 @@ def test_a_job_that_a_wrangler_requeues_goes_on(cluster, whole, tmp_path):
 
 def test_a_cancelled_job_writes_a_checkpoint_and_the_next_one_goes_on(cluster, whole, tmp_path):
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT)
+    job, log = submit(cluster, out, *sized(SHORT))
     wait_for_frame(cluster, out, FIRST + 5)
     cluster.ask("scancel", job)
     end = cluster.wait_for_end(job)
     assert (end["JobState"], end["Restarts"]) == ("CANCELLED", "0")
     cluster.wait_until(lambda: "stopped (signal TERM)" in log.read_text(), "its last line")
-    job, log = submit(cluster, out, *SHORT)
+    job, log = submit(cluster, out, *sized(SHORT))
     assert cluster.wait_for_end(job)["JobState"] == "COMPLETED", log.read_text()[-2000:]
     assert ends(out) == ["signal TERM", "done"]
     assert_same(out, whole)
@@ -128,7 +132,7 @@ def test_a_cancelled_job_writes_a_checkpoint_and_the_next_one_goes_on(cluster, w
 
 def test_a_job_whose_machine_failed_is_started_again_and_takes_its_lock_over(cluster, whole, tmp_path):
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT, "--checkpoint-every", "5f")
+    job, log = submit(cluster, out, *sized(SHORT), "--checkpoint-every", "5f")
     wait_for_frame(cluster, out, FIRST + 12)
     cluster.lose_node()
     cluster.wait_until(lambda: cluster.job(job)["JobState"] != "RUNNING", "Slurm notices")
@@ -142,7 +146,7 @@ def test_a_job_whose_machine_failed_is_started_again_and_takes_its_lock_over(clu
 def test_a_job_that_loses_a_rank_asks_for_another_start(cluster, whole, tmp_path, monkeypatch):
     monkeypatch.setitem(cluster.environment, "DRAPERY_RANK_TIMEOUT", "2s")
     out = tmp_path / "out"
-    job, log = submit(cluster, out, *SHORT, "--checkpoint-every", "5f", options=["--ntasks=2", "--cpus-per-task=1"])
+    job, log = submit(cluster, out, *sized(SHORT), "--checkpoint-every", "5f", options=["--ntasks=2", "--cpus-per-task=1"])
     wait_for_frame(cluster, out, FIRST + 12)
     first = manifest(out)["attempts"][0]["pid"]
     other = [pid for pid in cluster.processes(job) if pid != first and words(pid)[:2] == [os.environ["DRAPERY"], "run"]]
@@ -168,7 +172,7 @@ def submit_chunks(cluster, folder, *arguments):
 
 
 def test_chunks_follow_each_other_with_a_log_each(cluster, whole, tmp_path):
-    jobs = submit_chunks(cluster, tmp_path, *SHORT)
+    jobs = submit_chunks(cluster, tmp_path, *sized(SHORT))
     assert [cluster.wait_for_end(job)["JobState"] for job in jobs] == ["COMPLETED"] * 3
     for number, job in enumerate(jobs):
         first, last = FIRST + 10 * number, FIRST + 10 * number + 9
@@ -188,11 +192,11 @@ def test_a_chunk_that_fails_ends_the_chain(cluster, tmp_path):
 def test_a_board_of_all_shots_is_one_call(cluster, tmp_path):
     """One job runs, another one was cancelled."""
     running, stopped = tmp_path / "running", tmp_path / "stopped"
-    job, _ = submit(cluster, stopped, *SHORT)
+    job, _ = submit(cluster, stopped, *sized(SHORT))
     wait_for_frame(cluster, stopped, FIRST + 3)
     cluster.ask("scancel", job)
     cluster.wait_for_end(job)
-    job, _ = submit(cluster, running, *LONG)
+    job, _ = submit(cluster, running, *sized(LONG))
     wait_for_frame(cluster, running, FIRST + 3)
     done = subprocess.run([os.environ["DRAPERY"], "status", running, stopped, "--json"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
