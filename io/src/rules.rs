@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 26] = [
+pub static RULES: [Rule; 27] = [
     Rule {
         name: "no_gravity",
         finds: "a scene without gravity",
@@ -197,6 +197,14 @@ pub static RULES: [Rule; 26] = [
                   knitted band; gathers begin at a half. A ruffle is gathered on purpose: silence the rule. Sides of fewer than four \
                   vertices, such as buttons, and seams to a surface are not tested.",
         line: "where = { box = { min = [-0.002, 0, -1], max = [0.002, 0.74, 1] } }",
+    },
+    Rule {
+        name: "seam_through_body",
+        finds: "a seam, a zip or a button that starts with a body between its two sides: closing presses the cloth into the body",
+        exactly: "The straight line of a stitch is inside the body, and its depth there is more than a sixth of its length there and twice \
+                  the body's thickness. Seams that close around a belly or an arm cut through it by less. Ideal shapes stand where their path \
+                  begins. Silent for seams with `keep_gap` and where a `[[contact]]` ignores the body.",
+        line: "to = { garment = \"front\", where = { box = { min = [-0.01, 0.9, 0], max = [0.01, 1.4, 1] } } }",
     },
     Rule {
         name: "unopened_format",

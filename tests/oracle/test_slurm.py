@@ -18,7 +18,7 @@ SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
 FIRST, LAST = 1001, 1030
 ARGUMENTS = [SCENE, "--frames", f"{FIRST}-{LAST}"]
 # Longer, on fast machines too, than the grace time of a preempted job, and than the least time limit of a job with its notice.
-SHORT, LONG = 90, 150
+SHORT, LONG = 130, 180
 
 pytestmark = pytest.mark.full
 

@@ -13,6 +13,7 @@ mod outside_shot;
 mod render_mesh;
 mod seam_gap;
 mod seam_lengths;
+mod seam_through_body;
 mod shape_units;
 mod start_close;
 mod start_speed;
@@ -129,6 +130,7 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("outside_shot", Look::Facts(outside_shot::find)),
     ("seam_gap", Look::Facts(seam_gap::find)),
     ("seam_lengths", Look::Facts(seam_lengths::find)),
+    ("seam_through_body", Look::Facts(seam_through_body::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),

@@ -509,6 +509,39 @@ fn a_seam_that_gathers_is_told_with_its_line_and_both_lengths() {
 }
 
 #[test]
+fn a_button_through_a_body_is_told_with_the_length_and_depth_of_its_way() {
+    // A ball of half a metre between two sheets, sewn above and below its centre or beside it.
+    let sewn = |height: &str, vertex: &str, keys: &str| {
+        with(&format!(
+            "{BALL}position = [4.15, {height}, -0.1667]\n[[garment]]\nname = \"lower\"\nmaterial = \"cotton_shirting\"\n\
+             panel = {{ resolution = 12, center = [5, 0.4, 0] }}\n[[seam]]\n\
+             from = {{ garment = \"sheet\", vertices = [{vertex}] }}\nto = {{ garment = \"lower\", vertices = [{vertex}] }}\n\
+             strength = 1\n{keys}\n"
+        ))
+    };
+    let ignore = |garment: &str| format!("[[contact]]\nbetween = [\"{garment}\", \"ball\"]\nignore = true");
+    rule(
+        "seam_through_body",
+        without_file,
+        &[(
+            &sewn("0.7", "84", ""),
+            &[
+                "garment \"sheet\" and garment \"lower\", seam 0: 1 of 1 stitches",
+                "with body \"ball\" between their ends",
+                "from vertex 84 of garment \"sheet\" to garment \"lower\", is inside it over 0.5",
+                "up to 0.250 m deep",
+            ],
+        )],
+        &[
+            &sewn("0.7", "0", ""),
+            &sewn("0.1", "84", ""),
+            &sewn("0.7", "84", "keep_gap = true"),
+            &sewn("0.7", "84", &ignore("sheet")),
+        ],
+    );
+}
+
+#[test]
 fn problems_of_what_has_a_number_and_no_name_begin_with_its_line() {
     let seam = "[[seam]]\nfrom = { garment = \"sheet\", corners = [\"i0j0\"] }\n\
                 to = { garment = \"sheet\", corners = [\"inj0\"] }\nstrength = 1\n";
