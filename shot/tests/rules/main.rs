@@ -528,7 +528,7 @@ fn a_button_through_a_body_is_told_with_the_length_and_depth_of_its_way() {
             &[
                 "garment \"sheet\" and garment \"lower\", seam 0: 1 of 1 stitches",
                 "with body \"ball\" between their ends",
-                "from vertex 84 of garment \"sheet\" to garment \"lower\", is inside it over 0.5",
+                "from vertex 84 of garment \"sheet\" to garment \"lower\", is inside it over 0.49",
                 "up to 0.250 m deep",
             ],
         )],
