@@ -69,10 +69,12 @@ fn fill_friction_on_cloth(root: &mut Node, worn: &[Worn<'_>]) {
     let Some(most) = most.filter(|_| worn.iter().any(|garment| garment.material.is_some())) else { return };
     let largest = friction(most);
     let origin = |of: [&Worn<'_>; 2]| {
-        let mut names: Vec<String> =
-            of.into_iter().filter_map(|garment| Some(garment.material?.name.to_string())).collect();
+        // Never a default: a rule has none, and without its number it would have the largest of all.
+        let name =
+            |garment: &Worn<'_>| garment.material.map_or("none".to_owned(), |material| material.name.to_string());
+        let mut names = of.map(name).to_vec();
         names.dedup();
-        if names.is_empty() { Origin::Default } else { Origin::Material(names.join(" and ")) }
+        Origin::Material(names.join(" and "))
     };
     table.fill("friction", Value::Float(largest), &place, origin([most, most]));
     for (g, a) in worn.iter().enumerate() {
