@@ -113,6 +113,15 @@ def test_a_run_that_fails_does_not_stop_the_others(tmp_path):
     assert "inside" in (tmp_path / "logs" / f"{next(iter(rows))}.txt").read_text()
 
 
+def test_what_another_scene_has_left_in_a_folder_is_no_result(tmp_path):
+    common = ["--frames", "0-1"]
+    wedge(tmp_path, "--vary", "body.ball.friction=0.1", "--set", "resolution=6", *common)
+    text = wedge(tmp_path, "--vary", "body.ball.friction=0.1,0.2", "--set", "resolution=5", *common, code=FAILED)
+    refused, done = table(tmp_path).values()
+    assert (refused["state"], done["state"]) == ("refused: see its log", "done") and "friction=0.1 failed" in text
+    assert not float(refused["strain_p99_9"] or 0) and float(done["strain_p99_9"]) > 0
+
+
 def test_a_wedge_that_was_stopped_goes_on_where_it_was(tmp_path):
     arguments = ["--vary", "resolution=40,6", "--frames", "0-16", "--out", tmp_path / "out"]
     command = [DRAPERY, "wedge", SCENE, *map(str, arguments)]

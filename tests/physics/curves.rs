@@ -273,3 +273,54 @@ fn numbers_that_a_program_sets_have_the_bits_of_a_curve() {
         assert!(error.to_string().contains("a curve of the scene changes this number"), "{error}");
     }
 }
+
+/// A sheet in a wind, of a weave whose warp may turn.
+fn in_the_wind() -> SceneDescription {
+    let mut description = scene_of(GarmentDescription::new("sheet", sheet(6, 6, 0.05), 0.2), 24);
+    description.effects.push(EffectRequest::of_garment("membrane", 0).with("warp", 300.0).with("weft", 200.0));
+    let mut wind = EffectRequest::of_scene("wind").with("density", 1.2);
+    wind.settings.insert("velocity".to_owned(), SettingValue::Vector([0.0, 0.0, 3.0]));
+    description.effects.push(wind);
+    description
+}
+
+#[test]
+fn wind_may_fade_to_nothing_by_a_curve_and_by_a_program() {
+    let mut fading = in_the_wind();
+    fading.curves = [("wind.density".to_owned(), vec![(2.0, number(1.2)), (4.0, number(0.0))])].into();
+    let mut curved = start_of(&fading);
+    run(&mut curved, 6);
+    let mut simulation = start_of(&in_the_wind());
+    for frame in 1..=6 {
+        let density = 1.2 + (0.0 - 1.2) * ((f64::from(frame) - 2.0) / 2.0).clamp(0.0, 1.0);
+        simulation.set(&[("wind.density".to_owned(), number(density))]).unwrap_or_else(|p| panic!("{p}"));
+        run(&mut simulation, 1);
+    }
+    assert_eq!(positions(&simulation), positions(&curved));
+}
+
+#[test]
+fn what_an_effect_refuses_leaves_the_simulation_as_it_was_and_is_told_before_the_start_in_a_curve() {
+    let path = "garment.sheet.membrane.grain".to_owned();
+    let nothing = SettingValue::Vector([0.0; 3]);
+    let mut simulation = start_of(&in_the_wind());
+    run(&mut simulation, 2);
+    let refused = simulation.set(&[(path.clone(), nothing.clone())]).expect_err("it has no direction").to_string();
+    assert!(refused.contains("zero vector"), "{refused}");
+    run(&mut simulation, 2);
+    let mut other = start_of(&in_the_wind());
+    run(&mut other, 4);
+    assert_eq!(positions(&simulation), positions(&other));
+    // Of many keys the extremes are looked at.
+    for between in [0, 20] {
+        let along = |share: f64| SettingValue::Vector([0.0, 0.0, share]);
+        let mut keys: Vec<(f64, SettingValue)> =
+            (0..=between).map(|k| (f64::from(k), along(1.0 - 0.01 * f64::from(k)))).collect();
+        keys.push((30.0, nothing.clone()));
+        let mut description = in_the_wind();
+        description.curves = [(path.clone(), keys)].into();
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        let refused = Simulation::new(scene, &FrameInput::default()).err().expect("its last key").to_string();
+        assert!(refused.contains("at frame 30: `grain` is a zero vector"), "{refused}");
+    }
+}

@@ -25,6 +25,9 @@ pub const PAGE: &str = "comparison.html";
 /// State of a run that has written nothing.
 const NOT_RUN: &str = "not run";
 
+/// State of a run whose folder holds something else, such as a run of another scene: what is there has no place in the table.
+const REFUSED: &str = "refused: see its log";
+
 /// Several runs to be compared.
 #[derive(Debug, Clone, Default)]
 pub struct Comparison {
@@ -49,18 +52,24 @@ impl Comparison {
         folders.iter().map(read).collect::<Result<Vec<_>, IoError>>().map(Self::of_runs)
     }
 
-    /// Reads the runs of a wedge in its folder; a run that has written nothing is listed as such.
+    /// Reads the runs of a wedge in its folder; a run that has written nothing is listed as such, and so is one of those that were `refused`
+    /// because their folders hold something else.
     ///
     /// # Errors
     /// The manifest or the record of a run cannot be read.
-    pub fn of_wedge(folder: &Path, runs: &[WedgeRun]) -> Result<Self, IoError> {
+    pub fn of_wedge(folder: &Path, runs: &[WedgeRun], refused: &[String]) -> Result<Self, IoError> {
         let read = |WedgeRun { name, .. }: &WedgeRun| {
-            let run = match RunFolder::read(&folder.join(name)) {
-                Err(IoError::NoRun { path }) => {
-                    let mut run = RunFolder { path, ..RunFolder::default() };
-                    run.manifest.state = NOT_RUN.into();
-                    run
-                }
+            let without_figures = |path: PathBuf, state: &'static str| {
+                let mut run = RunFolder { path, ..RunFolder::default() };
+                run.manifest.state = state.into();
+                run
+            };
+            let path = folder.join(name);
+            if refused.contains(name) {
+                return Ok((name.clone(), without_figures(path, REFUSED)));
+            }
+            let run = match RunFolder::read(&path) {
+                Err(IoError::NoRun { path }) => without_figures(path, NOT_RUN),
                 other => other?,
             };
             Ok((name.clone(), run))
@@ -207,8 +216,11 @@ mod tests {
     fn a_run_that_has_written_nothing_is_listed() {
         let folder = tempfile::tempdir().unwrap();
         let vary = [("solver.cfl".to_owned(), vec!["4".to_owned(), "2".to_owned()])];
-        let compared = Comparison::of_wedge(folder.path(), &crate::wedge::runs(&vary).unwrap()).unwrap();
+        let compared = Comparison::of_wedge(folder.path(), &crate::wedge::runs(&vary).unwrap(), &[]).unwrap();
         assert_eq!(compared.table().matches(NOT_RUN).count(), 2);
+        let name = crate::wedge::runs(&vary).unwrap()[1].name.clone();
+        let compared = Comparison::of_wedge(folder.path(), &crate::wedge::runs(&vary).unwrap(), &[name]).unwrap();
+        assert_eq!((compared.table().matches(NOT_RUN).count(), compared.table().matches(REFUSED).count()), (1, 1));
         let refused = Comparison::of(&[folder.path().join("cfl=4")]).unwrap_err();
         assert!(refused.to_string().contains("cfl=4"), "{refused}");
     }

@@ -69,11 +69,12 @@ pub(crate) fn wedge(args: &WedgeArgs, ranks: &Ranks, around: &Environment, quiet
     let unasked = Unasked { code: ExitCode::Stopped as u8, by_term: false, command: command.clone() };
     signals::listen(&requests, &unasked)?;
     let threads = threads(args, around)?;
-    let mut running = Wedge { args, program, out: &out, threads, requests: &requests, quiet, failed: 0, stopped: None };
+    let (failed, refused, stopped) = (0, Vec::new(), None);
+    let mut running = Wedge { args, program, out: &out, threads, requests: &requests, quiet, failed, refused, stopped };
     running.all(&runs)?;
-    let Wedge { failed, stopped, .. } = running;
+    let Wedge { failed, refused, stopped, .. } = running;
     requests.finish();
-    let compared = Comparison::of_wedge(&out, &runs)?;
+    let compared = Comparison::of_wedge(&out, &runs, &refused)?;
     let pages = compared.write(&out.join(comparison::PAGE))?;
     if !quiet {
         say::line(compared.table().trim_end());
@@ -169,6 +170,8 @@ struct Wedge<'a> {
     quiet: bool,
     /// Number of runs that ended with an error.
     failed: usize,
+    /// Names of those whose folders hold something else, such as a run of another scene.
+    refused: Vec<String>,
     /// Why not all was run.
     stopped: Option<Reason>,
 }
@@ -260,8 +263,11 @@ impl Wedge<'_> {
                 self.say(format_args!("run {number} of {count}: stopped at a checkpoint"));
             }
             _ if self.stopped.is_some() => {}
-            _ => {
+            code => {
                 self.failed += 1;
+                if code == Some(i32::from(ExitCode::CannotCreate as u8)) {
+                    self.refused.push(run.name.clone());
+                }
                 let log = self.log(run);
                 say::complaint(format_args!(
                     "run {number} of {count}: {} failed ({status}); see {}",

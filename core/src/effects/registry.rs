@@ -7,7 +7,7 @@ use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need};
 use crate::effects::stability::longest_stable_step;
 use crate::effects::{LISTED, REGISTRY};
 use crate::error::{Problem, Problems};
-use crate::scene::Scene;
+use crate::scene::{EffectRequest, Scene};
 use crate::settings::Settings;
 
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
@@ -84,48 +84,47 @@ pub fn lacking(name: &str) -> Option<(String, String)> {
 /// # Errors
 /// All problems of all effects: unknown names, settings out of range, contradictions.
 pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems> {
+    build_each(scene, false)
+}
+
+/// The same; `is_running` where numbers of a simulation change, which may leave an effect without work.
+pub(crate) fn build_each(scene: &Scene, is_running: bool) -> Result<Vec<(PlannedEffect, Effect)>, Problems> {
     let mut requests: Vec<_> = scene.description().effects.iter().collect();
     let rank = |name: &str| REGISTRY.iter().position(|spec| spec.name == name);
     requests.sort_by_key(|r| (rank(&r.effect), r.garment));
     let mut built = Vec::new();
     let mut problems = Vec::new();
     for request in requests {
-        let garment = request.garment.map(|g| scene.description().garments[g].name.clone());
-        let place = garment.as_ref().map_or(request.effect.clone(), |g| format!("garment \"{g}\", {}", request.effect));
-        // Scene::validate has refused unknown names.
-        let Some(spec) = find(&request.effect) else { continue };
-        let settings = match Settings::check(spec.fields, &request.settings) {
-            Ok(settings) => settings,
-            Err(texts) => {
-                problems.extend(texts.into_iter().map(|t| Problem::scene(&place, t, "correct it in the scene file")));
-                continue;
-            }
-        };
-        match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
-            Ok(effect) => {
-                let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
-                let (needs, kind, elements) = (spec.needs, spec.elements, effect.elements);
-                let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
-                let sources = request.sources.clone();
-                let planned = PlannedEffect {
-                    name,
-                    garment,
-                    because,
-                    settings,
-                    sources,
-                    needs,
-                    kind,
-                    elements,
-                    bytes,
-                    notes,
-                    longest_step,
-                };
-                built.push((planned, effect));
-            }
-            Err(problem) => problems.push(problem),
+        match build_one(scene, request, is_running) {
+            Ok(effect) => built.extend(effect),
+            Err(found) => problems.extend(found),
         }
     }
     if problems.is_empty() { Ok(built) } else { Err(Problems(problems)) }
+}
+
+/// Builds one effect; none of a name that this build lacks.
+pub(crate) fn build_one(
+    scene: &Scene,
+    request: &EffectRequest,
+    is_running: bool,
+) -> Result<Option<(PlannedEffect, Effect)>, Vec<Problem>> {
+    let garment = request.garment.map(|g| scene.description().garments[g].name.clone());
+    let place = garment.as_ref().map_or(request.effect.clone(), |g| format!("garment \"{g}\", {}", request.effect));
+    // Scene::validate has refused unknown names.
+    let Some(spec) = find(&request.effect) else { return Ok(None) };
+    let wrong = |text: String| Problem::scene(&place, text, "correct it in the scene file");
+    let settings = Settings::check(spec.fields, &request.settings)
+        .map_err(|texts| texts.into_iter().map(wrong).collect::<Vec<_>>())?;
+    let context = BuildContext { scene, garment: request.garment, is_running };
+    let effect = (spec.build)(&settings, &context).map_err(|problem| vec![problem])?;
+    let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
+    let (needs, kind, elements) = (spec.needs, spec.elements, effect.elements);
+    let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
+    let sources = request.sources.clone();
+    let planned =
+        PlannedEffect { name, garment, because, settings, sources, needs, kind, elements, bytes, notes, longest_step };
+    Ok(Some((planned, effect)))
 }
 
 /// Longest step that these forces allow by themselves on this rank [s].

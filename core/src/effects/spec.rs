@@ -198,6 +198,15 @@ pub(crate) struct BuildContext<'a> {
     pub(crate) scene: &'a Scene,
     /// The garment it acts on; `None` for the whole scene.
     pub(crate) garment: Option<usize>,
+    /// Whether the simulation is running, and numbers change.
+    pub(crate) is_running: bool,
+}
+
+impl BuildContext<'_> {
+    /// Whether one of these numbers changes over time, by its path, or has been changed while the simulation runs.
+    pub(crate) fn changes(&self, paths: &[&str]) -> bool {
+        self.is_running || paths.iter().any(|path| self.scene.description().curves.contains_key(*path))
+    }
 }
 
 /// Contributions of an effect to the step.

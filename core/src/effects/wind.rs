@@ -144,7 +144,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         ["tangential", "density", "normal"].map(|name| settings.optional(name).unwrap_or(0.0));
     let keys: Vec<(f64, Vec3)> = settings.keys("keys").iter().map(|(time, v)| (*time, Vec3::from(*v))).collect();
     let velocity = Vec3::from(settings.vector("velocity"));
-    if tangential == 0.0 && density == 0.0 && normal == 0.0 {
+    let is_idle = tangential == 0.0 && density == 0.0 && normal == 0.0;
+    if is_idle && !context.changes(&["wind.tangential", "wind.density", "wind.normal"]) {
         let advice = "give `density`, `tangential` or `normal` a value above zero, or leave the table out";
         return Err(Problem::scene("wind", "no effect: `density`, `tangential` and `normal` are all zero", advice));
     }

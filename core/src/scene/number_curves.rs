@@ -214,6 +214,14 @@ impl SceneDescription {
         changes.ok_or_else(unknown)
     }
 
+    /// The request for the effect that has the number at a path, by its place in the list; `None` for other numbers.
+    pub(crate) fn effect_of_number(&self, path: &str) -> Option<usize> {
+        match self.number_place(path)? {
+            NumberPlace::Effect(effect, _) => Some(effect),
+            _ => None,
+        }
+    }
+
     /// Gives a setting of an effect another value; returns whether that changes something.
     fn set_effect(&mut self, effect: usize, key: String, value: &SettingValue) -> bool {
         let settings = &mut self.effects[effect].settings;

@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::registry::{PlannedEffect, build_all};
-use crate::effects::spec::Need;
+use crate::effects::spec::{Effect, Need};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -52,6 +52,7 @@ pub use frame_summary::{BrokenHold, HoldOwner};
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
+use numbers::check_curves_of_effects;
 pub use overstretched::Overstretched;
 pub use pins_in_bodies::PinInBody;
 pub use recovery::Recovery;
@@ -296,16 +297,17 @@ impl Simulation {
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
         let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
-        Self::with(scene, state, bodies, tracks, wind)
+        let effects = build_all(&scene)?;
+        check_curves_of_effects(&scene)?;
+        Self::with(scene, effects, state, (bodies, tracks, wind))
     }
 
-    /// The simulation of a scene with these bodies, tracks and wind.
+    /// The simulation of a scene with these effects, bodies, tracks and wind.
     fn with(
         scene: Arc<Scene>,
+        effects: Vec<(PlannedEffect, Effect)>,
         state: State,
-        bodies: Bodies,
-        tracks: Vec<Samples>,
-        wind: WindGrid,
+        (bodies, tracks, wind): (Bodies, Vec<Samples>, WindGrid),
     ) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
@@ -316,7 +318,7 @@ impl Simulation {
         let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
         let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
         let (mut yields, mut breaks) = (None, None);
-        for (planned, effect) in build_all(&scene)? {
+        for (planned, effect) in effects {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }

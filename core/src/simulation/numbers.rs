@@ -5,13 +5,70 @@ use std::sync::Arc;
 use super::checkpoint::Room;
 use super::{FrameInput, Simulation};
 use crate::contact::bodies::Samples;
-use crate::error::{Problem, StepError};
+use crate::effects::registry::{PlannedEffect, build_each, build_one};
+use crate::effects::spec::Effect;
+use crate::error::{Problem, Problems, StepError};
 use crate::scene::Scene;
+use crate::scene::number_curves::NumberCurve;
 use crate::settings::SettingValue;
 use crate::setup::validate::check_number;
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::SavedSection;
 use crate::state::State;
+
+/// Most keys of a curve at which its effect is built before the start: of more, those of the least and the largest values.
+const KEYS_BUILT: usize = 8;
+
+/// Builds each effect of which a number changes with the values of its keys: what it refuses is told before the start, not in the shot.
+///
+/// # Errors
+/// Problems of the effects, each with its frame.
+pub(super) fn check_curves_of_effects(scene: &Scene) -> Result<(), Problems> {
+    let description = scene.description();
+    let mut problems = Vec::new();
+    for (path, curve) in &description.curves {
+        let Some(request) = description.effect_of_number(path) else { continue };
+        for frame in telling_frames(curve) {
+            let mut changed = description.clone();
+            for (path, value) in description.numbers_at(frame) {
+                // Paths and values have been checked.
+                changed.set_number(&path, &value).ok();
+            }
+            let request = changed.effects[request].clone();
+            let scene = Scene { description: changed, ..scene.clone() }.derive();
+            if let Err(found) = build_one(&scene, &request, true) {
+                let at = |problem: Problem| Problem { what: format!("at frame {frame}: {}", problem.what), ..problem };
+                problems.extend(found.into_iter().map(at));
+                break;
+            }
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
+}
+
+/// Frames of the keys of a curve, or of its least and largest values.
+fn telling_frames(curve: &NumberCurve) -> Vec<i64> {
+    let whole = |frame: f64| frame.round() as i64;
+    if curve.len() <= KEYS_BUILT {
+        return curve.iter().map(|(frame, _)| whole(*frame)).collect();
+    }
+    let components = |value: &SettingValue| match value {
+        SettingValue::Vector(vector) => vector.to_vec(),
+        SettingValue::Number(number) => vec![*number],
+        _ => Vec::new(),
+    };
+    let count = curve.first().map_or(0, |(_, value)| components(value).len());
+    let extremes = (0..count).flat_map(|component| {
+        let by_value = |a: &&(f64, SettingValue), b: &&(f64, SettingValue)| {
+            components(&a.1)[component].total_cmp(&components(&b.1)[component])
+        };
+        [curve.iter().min_by(by_value), curve.iter().max_by(by_value)]
+    });
+    let mut frames: Vec<i64> = extremes.flatten().map(|(frame, _)| whole(*frame)).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames
+}
 
 impl Simulation {
     /// Gives numbers of the scene other values from the next step on, by their paths (`garment.skirt.stretch.stiffness`,
@@ -60,18 +117,21 @@ impl Simulation {
             return Ok(());
         }
         let scene = Arc::new(scene.derive());
+        // Before anything is taken: what an effect refuses leaves the simulation as it was.
+        let effects = build_each(&scene, true).map_err(|problems| problems.to_string())?;
         let memory = self.saved_sections();
         let tracks = std::mem::take(&mut self.prescribed.tracks);
-        self.rebuild(scene, tracks, &memory).map_err(|error| error.what)
+        self.rebuild(scene, effects, tracks, &memory).map_err(|error| error.what)
     }
 
-    /// Builds effects, bodies and contact of another form of the scene around the state in `memory`.
+    /// Builds bodies and contact of another form of the scene, with its effects, around the state in `memory`.
     ///
     /// # Errors
-    /// The effects cannot be built.
+    /// The state does not fit.
     pub(super) fn rebuild(
         &mut self,
         scene: Arc<Scene>,
+        effects: Vec<(PlannedEffect, Effect)>,
         tracks: Vec<Samples>,
         memory: &[(&'static Room, SavedSection)],
     ) -> Result<(), SnapshotError> {
@@ -79,7 +139,7 @@ impl Simulation {
         bodies.take_properties(&scene);
         let wind = std::mem::take(&mut self.dynamics.wind);
         let error = |what: String| SnapshotError { section: "scene".into(), what };
-        let mut built = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks, wind)
+        let mut built = Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind))
             .map_err(|problems| error(problems.to_string()))?;
         built.restore_sections(self.frame, memory)?;
         (built.sent, built.balance) = (self.sent, self.balance.clone());

@@ -111,7 +111,8 @@ fn fill_contact(root: &mut Node, names: [String; 2], friction: f64, (place, orig
     if let Some(rule) = rules.iter_mut().find(is_theirs) {
         let Some(rule) = rule.as_table_mut() else { return };
         let ignores = matches!(rule.get("ignore"), Some(Node { value: Value::Boolean(true), .. }));
-        if !ignores {
+        // One that says nothing is refused for that.
+        if !ignores && rule.get("thickness").is_some() {
             rule.fill("friction", Value::Float(friction), place, origin);
         }
         return;
@@ -212,6 +213,7 @@ mod tests {
         assert_eq!(found(&format!("{rule}friction = 0.7\n")), (0.5, vec![(one, 0.7), own]));
         assert_eq!(found(&format!("{rule}thickness = \"1 mm\"\n")), (0.5, vec![(one, 0.375), own]), "filled in");
         assert_eq!(found(&format!("{rule}ignore = true\n")), (0.5, vec![own]), "without friction");
+        assert_eq!(found(rule), (0.5, vec![own]), "a rule that says nothing, which the solver refuses");
         let body = "[self_repulsion]\n[[body]]\nname = \"ball\"\nshape = { sphere = { radius = 0.1 } }\n";
         let (_, rules) = found(body);
         assert!(rules.contains(&([Garment(1), Body(0)], 0.25)), "{rules:?}");
