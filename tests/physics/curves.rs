@@ -300,7 +300,7 @@ fn wind_may_fade_to_nothing_by_a_curve_and_by_a_program() {
 }
 
 #[test]
-fn what_an_effect_refuses_leaves_the_simulation_as_it_was_and_is_told_before_the_start_in_a_curve() {
+fn what_an_effect_refuses_leaves_the_simulation_as_it_was_and_is_named_before_the_start_in_a_curve() {
     let path = "garment.sheet.membrane.grain".to_owned();
     let nothing = SettingValue::Vector([0.0; 3]);
     let mut simulation = start_of(&in_the_wind());

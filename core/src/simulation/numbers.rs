@@ -19,7 +19,7 @@ use crate::state::State;
 /// Most keys of a curve at which its effect is built before the start: of more, those of the least and the largest values.
 const KEYS_BUILT: usize = 8;
 
-/// Builds each effect of which a number changes with the values of its keys: what it refuses is told before the start, not in the shot.
+/// Builds each effect of which a number changes with the values of its keys: what it refuses is named before the start, not in the shot.
 ///
 /// # Errors
 /// Problems of the effects, each with its frame.
