@@ -204,6 +204,7 @@ pub(crate) struct BuildContext<'a> {
 
 impl BuildContext<'_> {
     /// Whether one of these numbers changes over time, by its path, or has been changed while the simulation runs.
+    #[cfg_attr(not(feature = "effects"), expect(dead_code, reason = "the effects that ask have this feature"))]
     pub(crate) fn changes(&self, paths: &[&str]) -> bool {
         self.is_running || paths.iter().any(|path| self.scene.description().curves.contains_key(*path))
     }
