@@ -228,14 +228,20 @@ impl SceneDescription {
         settings.insert(key, value.clone()).as_ref() != Some(value)
     }
 
-    /// The same with the values that curves have at the start frame. Curves of nothing are left to the checks.
-    pub(crate) fn with_numbers_at_start(mut self) -> Self {
-        for (path, value) in self.numbers_at(self.timeline.start) {
+    /// The same with the values that curves have at a frame. Curves of nothing are left to the checks.
+    pub(crate) fn with_numbers_at(mut self, frame: i64) -> Self {
+        for (path, value) in self.numbers_at(frame) {
             self.set_number(&path, &value).ok();
         }
-        let start = self.timeline.start as f64;
-        self.garments.iter_mut().for_each(|garment| garment.set_maps_at(start));
         self
+    }
+
+    /// The same with the values and maps that curves have at the start frame.
+    pub(crate) fn with_numbers_at_start(self) -> Self {
+        let start = self.timeline.start;
+        let mut description = self.with_numbers_at(start);
+        description.garments.iter_mut().for_each(|garment| garment.set_maps_at(start as f64));
+        description
     }
 
     /// Values of all curves at a frame, by their paths.

@@ -7,7 +7,6 @@ use super::Simulation;
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};
-use crate::effects::registry::build_each;
 use crate::scene::{Pinned, Scene};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::rows::OwnTarget;
@@ -76,9 +75,7 @@ impl Simulation {
         let mut memory = self.saved_sections();
         memory.iter_mut().for_each(|(_, section)| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
-        let effects = build_each(&scene, true)
-            .map_err(|problems| SnapshotError { section: "scene".into(), what: problems.to_string() })?;
-        self.rebuild(scene, effects, tracks, &memory)
+        self.rebuild(scene, Some(tracks), &memory)
     }
 
     /// The rows of the tracks' samples that this rank's pins follow in `scene`.

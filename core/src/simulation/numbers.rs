@@ -1,12 +1,12 @@
 //! Numbers of the scene that change between frames: effects, bodies and contact are built anew with them, around the same state.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::checkpoint::Room;
 use super::{FrameInput, Simulation};
 use crate::contact::bodies::Samples;
-use crate::effects::registry::{PlannedEffect, build_each, build_one};
-use crate::effects::spec::Effect;
+use crate::effects::registry::{build_each, build_one};
 use crate::error::{Problem, Problems, StepError};
 use crate::scene::Scene;
 use crate::scene::number_curves::NumberCurve;
@@ -25,21 +25,21 @@ const KEYS_BUILT: usize = 8;
 /// Problems of the effects, each with its frame.
 pub(super) fn check_curves_of_effects(scene: &Scene) -> Result<(), Problems> {
     let description = scene.description();
-    let mut problems = Vec::new();
+    let mut by_frame: BTreeMap<i64, BTreeSet<usize>> = BTreeMap::new();
     for (path, curve) in &description.curves {
         let Some(request) = description.effect_of_number(path) else { continue };
         for frame in telling_frames(curve) {
-            let mut changed = description.clone();
-            for (path, value) in description.numbers_at(frame) {
-                // Paths and values have been checked.
-                changed.set_number(&path, &value).ok();
-            }
-            let request = changed.effects[request].clone();
-            let scene = Scene { description: changed, ..scene.clone() }.derive();
-            if let Err(found) = build_one(&scene, &request, true) {
+            by_frame.entry(frame).or_default().insert(request);
+        }
+    }
+    let (mut problems, mut refused) = (Vec::new(), BTreeSet::new());
+    for (frame, requests) in by_frame {
+        let changed = Scene { description: description.clone().with_numbers_at(frame), ..scene.clone() }.derive();
+        for request in requests {
+            let built = build_one(&changed, &changed.description().effects[request], true);
+            if let Some(found) = built.err().filter(|_| refused.insert(request)) {
                 let at = |problem: Problem| Problem { what: format!("at frame {frame}: {}", problem.what), ..problem };
                 problems.extend(found.into_iter().map(at));
-                break;
             }
         }
     }
@@ -117,28 +117,27 @@ impl Simulation {
             return Ok(());
         }
         let scene = Arc::new(scene.derive());
-        // Before anything is taken: what an effect refuses leaves the simulation as it was.
-        let effects = build_each(&scene, true).map_err(|problems| problems.to_string())?;
         let memory = self.saved_sections();
-        let tracks = std::mem::take(&mut self.prescribed.tracks);
-        self.rebuild(scene, effects, tracks, &memory).map_err(|error| error.what)
+        self.rebuild(scene, None, &memory).map_err(|error| error.what)
     }
 
-    /// Builds bodies and contact of another form of the scene, with its effects, around the state in `memory`.
+    /// Builds effects, bodies and contact of another form of the scene around the state in `memory`, with `tracks` where they change.
     ///
     /// # Errors
-    /// The state does not fit.
+    /// The effects cannot be built; the simulation is then as it was.
     pub(super) fn rebuild(
         &mut self,
         scene: Arc<Scene>,
-        effects: Vec<(PlannedEffect, Effect)>,
-        tracks: Vec<Samples>,
+        tracks: Option<Vec<Samples>>,
         memory: &[(&'static Room, SavedSection)],
     ) -> Result<(), SnapshotError> {
+        let error = |what: String| SnapshotError { section: "scene".into(), what };
+        // Before anything is taken.
+        let effects = build_each(&scene, true).map_err(|problems| error(problems.to_string()))?;
+        let tracks = tracks.unwrap_or_else(|| std::mem::take(&mut self.prescribed.tracks));
         let mut bodies = std::mem::take(&mut self.prescribed.bodies);
         bodies.take_properties(&scene);
         let wind = std::mem::take(&mut self.dynamics.wind);
-        let error = |what: String| SnapshotError { section: "scene".into(), what };
         let mut built = Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind))
             .map_err(|problems| error(problems.to_string()))?;
         built.restore_sections(self.frame, memory)?;

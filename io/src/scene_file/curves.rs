@@ -124,9 +124,8 @@ pub(super) fn may_change(field: &Field) -> bool {
 /// Whether a list stands where a number, or a list of three, is expected: of lists, or of another length.
 fn is_curve(field: &Field, node: &Node) -> bool {
     let is_list = |node: &Node| matches!(node.value, Value::Array(_));
-    let length = if field.default.is_number() { 0 } else { 3 };
-    let is_keys = |items: &[Node]| items.iter().any(is_list) || items.len() != length || items.is_empty();
-    let is_curve = matches!(&node.value, Value::Array(items) if is_keys(items));
+    let is_vector = |items: &[Node]| !field.default.is_number() && items.len() == 3 && !items.iter().any(is_list);
+    let is_curve = matches!(&node.value, Value::Array(items) if !is_vector(items));
     may_change(field) && (is_curve || channels::is_channel(node))
 }
 
@@ -308,6 +307,7 @@ mod tests {
                 "frames of `friction` have to increase: 12 comes after 12",
             ),
             (plain.0, "friction = [[nan, 0.5]]", plain.2, "the frame of a key of `friction` has to be a number"),
+            (plain.0, "friction = [[12, nan]]", plain.2, "at frame 12: `friction`"),
             (plain.0, "friction = [[12, nan]]", plain.2, "write the key as [12, NUMBER]"),
             (plain.0, "friction = [[12]]", plain.2, "has to be [frame, value]"),
             (plain.0, "friction = [12, 0.5, 15, 0.2]", plain.2, "friction = [[frame, value], …]"),
@@ -319,6 +319,7 @@ mod tests {
                 plain.2,
                 "ends at frame 10, before the first frame that is simulated, 11",
             ),
+            (plain.0, plain.1, "stiffness = [[12, \"3 kg\"]]", "at frame 12"),
             (plain.0, plain.1, "stiffness = [[12, \"3 kg\"]]", "write the key as [12, NUMBER], in N/m"),
             (plain.0, plain.1, "stiffness = [[12, -3]]", "at frame 12: `stiffness` = -3 N/m"),
             ("acceleration = [[12, 3]]", plain.1, plain.2, "at frame 12: `acceleration` has to be three numbers"),
