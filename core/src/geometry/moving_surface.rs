@@ -248,6 +248,13 @@ impl MovingSurface {
         [&self.positions[0], &self.positions[1]]
     }
 
+    /// Adds its positions at a time between the samples to `all` \[m\]; times outside are clamped.
+    pub(crate) fn extend_with_positions_at(&self, time: f64, all: &mut Vec<Vec3>) {
+        let share = self.share_of(time);
+        let [a, b] = &self.samples;
+        all.extend(a.iter().zip(b).map(|(a, b)| a * (1.0 - share) + b * share));
+    }
+
     /// Whether it is inside out at the end of the step, so that its sides are exchanged.
     pub(crate) fn is_turned(&self) -> bool {
         self.turned

@@ -250,6 +250,14 @@ impl Bodies {
         }
     }
 
+    /// Adds the same at a time [s] not after the latest sample to `all` [m].
+    pub(crate) fn extend_with_contact_positions_at(&self, body: usize, time: f64, all: &mut Vec<Vec3>) {
+        match &self.list[body] {
+            Kind::Surface(surface) => surface.mesh.extend_with_positions_at(time, all),
+            Kind::Rigid(rigid) => rigid.extend_with_points_at(time, all),
+        }
+    }
+
     /// The same at the start and at the end of the step [m].
     pub(crate) fn contact_path(&self, body: usize) -> [&[Vec3]; 2] {
         match &self.list[body] {

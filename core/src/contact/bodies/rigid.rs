@@ -91,6 +91,12 @@ impl Rigid {
         [&self.path[0], &self.path[1]]
     }
 
+    /// Adds the points of its triangles at a time [s] to `all` [m].
+    pub(super) fn extend_with_points_at(&self, time: f64, all: &mut Vec<Vec3>) {
+        let pose = pose(&self.motion, time);
+        all.extend(self.points.iter().map(|point| pose.transform_point(&(*point).into()).coords));
+    }
+
     /// A displacement is the way of the origin plus a chord of the circle that a turn moves `x` on.
     pub(super) fn bounds(&self, x: &Vec3) -> Bounds {
         let rounding = tolerances::BOUND_ROUNDING * (x.x.abs() + x.y.abs() + x.z.abs() + self.extent);

@@ -196,7 +196,7 @@ impl PairSearch {
         let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
             let mut meet = |s, t| {
-                if !surface.is_ignored(cloth.corners(s), other.corners(t)) {
+                if cloth.overlaps(s, other, t) && !surface.is_ignored(cloth.corners(s), other.corners(t)) {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             };
@@ -231,9 +231,6 @@ impl PairSearch {
         let (s, t) = (one.1, other.1);
         let [own_boxes, boxes] = [one.0.fitted, other.0.fitted];
         let triangle_box = &boxes.triangle_boxes[t as usize];
-        if !own_boxes.triangle_boxes[s as usize].overlaps(triangle_box) {
-            return;
-        }
         self.points_against(one, other, keep, out);
         self.points_against(other, one, keep, out);
         let others = other.0.faces.edges_of(t);
@@ -277,6 +274,12 @@ impl PairSearch {
 }
 
 impl Side<'_> {
+    /// Whether the boxes of a triangle and one of another side overlap.
+    #[inline]
+    pub(super) fn overlaps(&self, triangle: u32, other: Self, its: u32) -> bool {
+        self.fitted.triangle_boxes[triangle as usize].overlaps(&other.fitted.triangle_boxes[its as usize])
+    }
+
     /// The nodes of a triangle.
     #[inline]
     pub(super) fn corners(&self, triangle: u32) -> &[u32; 3] {

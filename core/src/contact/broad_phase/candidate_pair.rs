@@ -12,7 +12,7 @@ use crate::parallel::message::is_broken;
 pub(crate) struct CandidatePair {
     /// The pair.
     pub pair: Pair,
-    /// Not more than its distance when the list was made [m].
+    /// Not more than its distance when the list was made, or than the least on the paths that it was made around [m].
     pub distance: f32,
     /// Thickness of the pair [m]; zero where repulsions do not act.
     pub thickness: f32,

@@ -5,6 +5,9 @@
 //! bounds the distance now. Most pairs are dismissed by that bound alone (`docs/theory/self_contact.md#the-proximity-list`). Motion
 //! that all nodes have in common does not count.
 //!
+//! Where cloth moves too fast for a list to last, it is made for one collision step around the paths that the nodes are expected to take:
+//! displacements are then those from these paths, and distances the least on them.
+//!
 //! Every rank that owns a node of a pair holds the pair, with the same entry.
 
 use std::ops::Range;
@@ -30,6 +33,9 @@ pub(crate) const ACTIVE: f64 = 1.1;
 /// (`docs/theory/self_contact.md#repulsion-with-history`).
 const CLOSE_AT_REST: f64 = 1.5;
 
+/// Reach of points of bodies over the reach of cloth in a list around predicted paths: how bodies move is known.
+const REACH_OF_BODIES: f64 = 0.2;
+
 /// Nodes that one task moves.
 const CHUNK: usize = 4096;
 
@@ -42,6 +48,15 @@ pub(crate) enum PairOrder {
     Coloured,
 }
 
+/// Paths that the nodes are expected to take after a list is made.
+#[derive(Debug, Clone)]
+pub(crate) struct PredictedPaths {
+    /// Where they lead [m].
+    pub ends: Vec<Vec3>,
+    /// How long that takes [s].
+    pub duration: f64,
+}
+
 /// The list.
 #[derive(Debug)]
 pub(crate) struct ProximityList {
@@ -50,7 +65,13 @@ pub(crate) struct ProximityList {
     orders: [Order; 2],
     /// Positions of the nodes when the list was made [m]; none before.
     reference: Option<Vec<Vec3>>,
-    /// Mean rest length of the edges of each node [m]: the measure of its reach.
+    /// Paths that it was made around; none for a list that is to last.
+    predicted: Option<PredictedPaths>,
+    /// Displacement common to the nodes on these [m].
+    predicted_shift: Vec3,
+    /// Share of these that lies behind the nodes at both ends of the paths noted last.
+    shares: [f64; 2],
+    /// Measure of the reach of each node [m]: the mean rest length of its edges, or less for bodies.
     edge_length: Vec<f64>,
     /// Own nodes of cloth: pairs with the smallest node among them are canonical here.
     own: Range<u32>,
@@ -73,6 +94,7 @@ impl ProximityList {
     /// An empty list over a surface, of which the pairs will have this order.
     pub(crate) fn new(surface: &ContactSurface, order: PairOrder) -> Self {
         let (edge_length, skin) = (surface.edge_length().to_vec(), 0.0);
+        let (predicted, predicted_shift, shares) = (None, Vec3::zeros(), [0.0; 2]);
         let displacements = vec![0.0; surface.nodes().count()];
         let (lists, orders, density) = Default::default();
         let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
@@ -81,6 +103,9 @@ impl ProximityList {
             lists,
             orders,
             reference,
+            predicted,
+            predicted_shift,
+            shares,
             edge_length,
             own,
             centre,
@@ -96,7 +121,10 @@ impl ProximityList {
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         let pairs = self.lists.iter().map(Vec::capacity).sum::<usize>();
-        pairs * size_of::<CandidatePair>() + self.displacements.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
+        let predicted = self.predicted.as_ref().map_or(0, |predicted| size_of_val(predicted.ends.as_slice()));
+        pairs * size_of::<CandidatePair>()
+            + predicted
+            + self.displacements.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
     }
 
     /// Pairs of a kind, in the order of their colours.
@@ -124,14 +152,25 @@ impl ProximityList {
         self.density
     }
 
-    /// Positions of the nodes when the list was made [m]; none before.
+    /// Positions of the nodes when a list that is to last was made [m]; none before, and none of other lists.
     pub(crate) fn reference(&self) -> Option<&[Vec3]> {
-        self.reference.as_deref()
+        self.reference.as_deref().filter(|_| self.predicted.is_none())
     }
 
-    /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
-    /// and the gap that collisions keep [m]. All ranks call it together; the surface gets the ghosts that the pairs need, and
-    /// `x` is laid out for them.
+    /// Duration of the paths that the list was made around [s]; `None` for a list that is to last.
+    pub(crate) fn predicted_duration(&self) -> Option<f64> {
+        self.predicted.as_ref().map(|predicted| predicted.duration)
+    }
+
+    /// Goes on without a list, after one with this reach and so many pairs per vertex.
+    pub(crate) fn forget(&mut self, skin: f64, density: f64) {
+        (self.reference, self.predicted, self.skin, self.density) = (None, None, skin, density);
+        self.lists.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Makes the list anew around `x`, the positions of all nodes [m], or around the paths predicted from there, with a reach given as a
+    /// share of the nodes' edges, and the gap that collisions keep [m]. All ranks call it together; the surface gets the ghosts that the
+    /// pairs need, and `x` is laid out for them.
     pub(crate) fn rebuild(
         &mut self,
         surface: &mut ContactSurface,
@@ -139,28 +178,51 @@ impl ProximityList {
         x: &mut Vec<Vec3>,
         reach: f64,
         gap: f64,
+        predicted: Option<PredictedPaths>,
     ) {
         self.skin = reach;
-        let around = |surface: &ContactSurface, x: &[Vec3], i: usize| {
-            let kept = surface.kept_distance(i);
-            Aabb::of_point(&x[i]).enlarged(ACTIVE * kept + reach * surface.edge_length()[i] + gap)
+        self.predicted = predicted;
+        let centre = surface.samples().centre(surface.nodes(), x);
+        self.predicted_shift = match &self.predicted {
+            Some(predicted) => surface.samples().centre(surface.nodes(), &predicted.ends).1 - centre.1,
+            None => Vec3::zeros(),
         };
-        let fetch = |renumber: &IndexMap, surface: &ContactSurface, x: &mut Vec<Vec3>| {
-            renumber.apply(x, Vec3::zeros());
-            surface.nodes().update(x);
+        let shift = self.predicted_shift;
+        let of_bodies = if self.predicted.is_some() { REACH_OF_BODIES } else { 1.0 };
+        let measure_of = |surface: &ContactSurface, i: usize| {
+            surface.edge_length()[i] * if surface.is_body(i as u32) { of_bodies } else { 1.0 }
         };
-        search.refit(surface, |i| around(surface, x, i));
+        let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
+            let bounds = ends.map_or_else(
+                || Aabb::of_point(&x[i]),
+                |predicted| Aabb::of_segment(&x[i], &(predicted.ends[i] - shift)),
+            );
+            bounds.enlarged(ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, i) + gap)
+        };
+        let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
+            for x in all {
+                renumber.apply(x, Vec3::zeros());
+                surface.nodes().update(x);
+            }
+        };
+        let mut predicted = self.predicted.as_mut();
+        search.refit(surface, |i| around(surface, x, predicted.as_deref(), i));
         if let Some(renumber) = search.import_ghosts(surface) {
-            fetch(&renumber, surface, x);
+            fetch(&renumber, surface, &mut [x]);
+            predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
-        search.refit_ghosts(surface, |i| around(surface, x, i));
+        search.refit_ghosts(surface, |i| around(surface, x, predicted.as_deref(), i));
         let mut found: Vec<CandidatePair> = Vec::new();
-        let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(candidate(pair, surface, x, reach, gap));
+        let measure: Vec<f64> = (0..x.len()).map(|i| measure_of(surface, i)).collect();
+        let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
+        let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
+        let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(criterion.candidate(pair));
         search.pairs(surface, keep, &mut found);
         let [all_found] = surface.ranks().sum_of([found.len() as u64]);
         self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
         if let Some(renumber) = replicate_pairs(surface, &mut found) {
-            fetch(&renumber, surface, x);
+            fetch(&renumber, surface, &mut [x]);
+            predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
         self.lists.iter_mut().for_each(Vec::clear);
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
@@ -168,11 +230,10 @@ impl ProximityList {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
             self.orders = Order::of(self.lists.each_mut(), surface.nodes(), |n| n.pair.nodes);
         }
-        self.edge_length.clear();
-        self.edge_length.extend_from_slice(surface.edge_length());
+        self.edge_length = (0..x.len()).map(|i| measure_of(surface, i)).collect();
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);
-        self.centre = surface.samples().centre(surface.nodes(), x);
+        self.centre = centre;
         let reference = self.reference.get_or_insert_default();
         reference.clear();
         reference.extend_from_slice(x);
@@ -181,7 +242,12 @@ impl ProximityList {
     /// Lays everything out for other ghosts.
     pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
         renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
+        let of_bodies = if self.predicted.is_some() { REACH_OF_BODIES } else { 1.0 };
         self.edge_length = surface.edge_length().to_vec();
+        self.edge_length[surface.nodes().cloth()..].iter_mut().for_each(|length| *length *= of_bodies);
+        if let Some(predicted) = &mut self.predicted {
+            renumber.apply(&mut predicted.ends, Vec3::zeros());
+        }
         self.own = own_nodes(surface);
         renumber.apply(&mut self.displacements, 0.0);
         if let Some(reference) = &mut self.reference {
@@ -189,21 +255,32 @@ impl ProximityList {
         }
     }
 
-    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest of all ranks as a share
-    /// of the node's edges: above the reach the list may lack pairs. Infinite before the list is made. All ranks call it
-    /// together.
-    pub(crate) fn update_displacements(&mut self, surface: &ContactSurface, start: &[Vec3], end: &[Vec3]) -> f64 {
+    /// Notes the way of every node on the straight path from `start` to `end` [m], where it is so long after a list around predicted paths
+    /// was made [s]. Returns the longest of all ranks as a share of the node's edges: above the reach the list may lack pairs. Infinite
+    /// before the list is made. All ranks call it together.
+    pub(crate) fn update_displacements(
+        &mut self,
+        surface: &ContactSurface,
+        [start, end]: [&[Vec3]; 2],
+        elapsed: [f64; 2],
+    ) -> f64 {
         let Some(reference) = &self.reference else { return f64::INFINITY };
-        self.common = surface.samples().fits(surface.nodes(), reference, self.centre, [start, end]);
-        self.shortening = self.common[0].min_stretch(&self.common[1]);
+        if let Some(predicted) = &self.predicted {
+            self.shares = elapsed.map(|elapsed| (elapsed / predicted.duration).min(1.0));
+            self.shortening = 1.0;
+        } else {
+            self.common = surface.samples().fits(surface.nodes(), reference, self.centre, [start, end]);
+            self.shortening = self.common[0].min_stretch(&self.common[1]);
+        }
+        let expected =
+            Expected { reference, predicted: self.predicted.as_ref(), common: self.common, shares: self.shares };
         let chunks = self.displacements.par_chunks_mut(CHUNK).enumerate();
         let largest = chunks.map(|(c, displacements)| {
             let mut largest = 0.0_f64;
             for (i, displacement) in displacements.iter_mut().enumerate() {
                 let node = c * CHUNK + i;
-                let from = &reference[node];
                 let [a, b] =
-                    [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
+                    [(start, 0), (end, 1)].map(|(x, at)| (x[node] - expected.position(node, at)).norm_squared());
                 *displacement = a.max(b).sqrt();
                 largest = largest.max(*displacement / self.edge_length[node]);
             }
@@ -215,7 +292,28 @@ impl ProximityList {
 
     /// Returns the displacement common to all nodes on the paths noted last [m].
     pub(crate) fn common_shift(&self) -> Vec3 {
-        self.common[1].centre() - self.common[0].centre()
+        match self.predicted {
+            Some(_) => self.predicted_shift * (self.shares[1] - self.shares[0]),
+            None => self.common[1].centre() - self.common[0].centre(),
+        }
+    }
+
+    /// Number of nodes of all ranks that have moved so far that the list may lack pairs of them if they move a share `margin` of their edges
+    /// farther. All ranks call it together.
+    pub(crate) fn count_beyond_skin(&self, nodes: &ContactNodes, margin: f64) -> u64 {
+        let count = |range: Range<usize>| range.filter(|node| self.is_beyond_skin(*node, margin)).count() as u64;
+        let [of_cloth] = nodes.ranks().sum_of([count(nodes.own())]);
+        of_cloth + count(nodes.cloth()..nodes.count())
+    }
+
+    /// Marks these nodes; one entry for each node.
+    pub(crate) fn mark_beyond_skin(&self, margin: f64, marks: &mut [u8]) {
+        marks.iter_mut().enumerate().for_each(|(node, mark)| *mark = u8::from(self.is_beyond_skin(node, margin)));
+    }
+
+    fn is_beyond_skin(&self, node: usize, margin: f64) -> bool {
+        let moved = self.displacements[node] / (self.edge_length[node] * self.shortening);
+        moved + margin > self.skin()
     }
 
     /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.
@@ -237,7 +335,8 @@ impl ProximityList {
     /// Infinite before the list is made.
     fn displacement_of(&self, node: usize, end: &Vec3) -> f64 {
         let Some(reference) = &self.reference else { return f64::INFINITY };
-        (end - self.common[1].apply(&reference[node])).norm()
+        let (predicted, common, shares) = (self.predicted.as_ref(), self.common, self.shares);
+        (end - Expected { reference, predicted, common, shares }.position(node, 1)).norm()
     }
 
     /// The pairs canonical here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
@@ -285,23 +384,65 @@ fn own_nodes(surface: &ContactSurface) -> Range<u32> {
     own.start as u32..own.end as u32
 }
 
-/// The entry of a pair, if it is close enough for the list.
-fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<CandidatePair> {
-    let [a, b] = pair.fold(surface.edge_length(), f64::max);
-    let thick = surface.body_of(&pair.nodes).map_or_else(|| surface.pair_thickness(&pair), |body| body.thickness);
-    let limit = ACTIVE * thick + reach * (a + b) + gap;
-    let positions = pair.positions(x);
-    if pair.is_beyond(&positions, limit) {
-        return None;
+/// Where the nodes would be at both ends of the paths noted last if they moved as expected.
+struct Expected<'a> {
+    reference: &'a [Vec3],
+    predicted: Option<&'a PredictedPaths>,
+    common: [RigidFit; 2],
+    shares: [f64; 2],
+}
+
+impl Expected<'_> {
+    #[inline]
+    fn position(&self, node: usize, at: usize) -> Vec3 {
+        let from = &self.reference[node];
+        match self.predicted {
+            Some(predicted) => from + (predicted.ends[node] - from) * self.shares[at],
+            None => self.common[at].apply(from),
+        }
     }
-    let distance_squared = pair.closest(&positions).apart.norm_squared();
-    if distance_squared > limit * limit {
-        return None;
+}
+
+/// Pairs that a list takes.
+struct Criterion<'a> {
+    surface: &'a ContactSurface,
+    /// Positions of the nodes [m].
+    x: &'a [Vec3],
+    /// Where predicted paths lead from there [m].
+    ends: Option<&'a [Vec3]>,
+    /// Measure of the reach of each node [m].
+    measure: &'a [f64],
+    reach: f64,
+    gap: f64,
+}
+
+impl Criterion<'_> {
+    /// The entry of a pair, if it is close enough for the list.
+    fn candidate(&self, pair: Pair) -> Option<CandidatePair> {
+        let Self { surface, x, ends, measure, reach, gap } = *self;
+        let [a, b] = pair.fold(measure, f64::max);
+        let body = surface.body_of(&pair.nodes);
+        let thick = body.map_or_else(|| surface.pair_thickness(&pair), |body| body.thickness);
+        let limit = ACTIVE * thick + reach * (a + b) + gap;
+        let start = pair.positions(x);
+        let distance = match ends {
+            None if pair.is_beyond(&start, limit) => return None,
+            None => pair.closest(&start).apart.norm(),
+            Some(ends) => {
+                let paths = [&start, &pair.positions(ends)];
+                if pair.is_beyond_on_paths(paths, limit) {
+                    return None;
+                }
+                pair.distance_bound_on_paths(&pair.closest(&start), paths).max(0.0)
+            }
+        };
+        if distance > limit {
+            return None;
+        }
+        let repels = body.is_some() || surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
+        let thickness = if repels { thick as f32 } else { 0.0 };
+        Some(CandidatePair { pair, distance: below(distance), thickness })
     }
-    let repels =
-        surface.body_of(&pair.nodes).is_some() || surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
-    let thickness = if repels { thick as f32 } else { 0.0 };
-    Some(CandidatePair { pair, distance: below(distance_squared.sqrt()), thickness })
 }
 
 /// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.

@@ -12,8 +12,13 @@ const LONG_SKIN: f64 = 0.33;
 /// Shortest that a heap makes it.
 const SHORTEST_LASTING: f64 = LONG_SKIN / 8.0;
 
-/// Reach of a list for one collision step at most.
-const SHORT_SKIN: f64 = 0.1;
+/// Reach around predicted paths of the first list of its kind, and bounds of those after it.
+pub(crate) const FIRST_PREDICTED: f64 = 0.1;
+const PREDICTED: [f64; 2] = [0.05, 0.15];
+
+/// Shares of all nodes that leave their reach around predicted paths below and above which the reach shrinks and grows, and by how much.
+const FEW: (f64, f64) = (0.01, 0.87);
+const MANY: (f64, f64) = (0.05, 1.35);
 
 /// Collision steps that a list which is to last has to last.
 const LASTING: f64 = 4.0;
@@ -21,11 +26,23 @@ const LASTING: f64 = 4.0;
 /// Pairs per vertex that it is to have at most: two layers that lie flat on each other have a third of it.
 const CROWDED: f64 = 40.0;
 
-/// Reach of the list that is made now, as a share of a node's edges, where a node goes `way` of them in a collision step: a list
-/// that lasts is worth being long; one that does not is for repulsions alone.
-pub(crate) fn after(list: &ProximityList, displacement: f64) -> f64 {
-    let lasting = lasting(list.full_skin(), list.density());
-    if LASTING * displacement <= lasting { lasting } else { displacement.min(SHORT_SKIN) }
+/// Reach of a list that is made now and is to last, as a share of a node's edges, where a node goes `displacement` of them in a collision
+/// step; `None` where it would not last, and is made around predicted paths.
+pub(crate) fn lasting_after(list: &ProximityList, displacement: f64) -> Option<f64> {
+    // A list around paths has about the pairs of one that has its first reach.
+    let reach = if list.reference().is_some() { list.full_skin() } else { FIRST_PREDICTED };
+    let lasting = lasting(reach, list.density());
+    (LASTING * displacement <= lasting).then_some(lasting)
+}
+
+/// Reach of the next list around predicted paths after one of which this share of all nodes has left its reach.
+pub(crate) fn predicted_after(reach: f64, left: f64) -> f64 {
+    let factor = match left {
+        _ if left < FEW.0 => FEW.1,
+        _ if left > MANY.0 => MANY.1,
+        _ => 1.0,
+    };
+    (reach * factor).clamp(PREDICTED[0], PREDICTED[1])
 }
 
 /// Reach of a list that is to last, after one of this reach with so many pairs per vertex. Between layers that lie on each other
@@ -42,10 +59,13 @@ mod tests {
     #[test]
     fn heaps_have_short_lists_and_what_lies_alone_has_long_ones() {
         assert_eq!(lasting(0.0, 0.0), LONG_SKIN);
-        assert_eq!(lasting(SHORT_SKIN, 3.0), LONG_SKIN);
+        assert_eq!(lasting(FIRST_PREDICTED, 3.0), LONG_SKIN);
         assert_eq!(lasting(LONG_SKIN, 39.0), LONG_SKIN);
         assert_eq!(lasting(LONG_SKIN, 4.0 * CROWDED), 0.5 * LONG_SKIN);
         assert_eq!(lasting(LONG_SKIN, 1e9), SHORTEST_LASTING);
+        for (left, expected) in [(0.0, 0.087), (0.03, 0.1), (0.2, 0.135)] {
+            assert!((predicted_after(FIRST_PREDICTED, left) - expected).abs() < 1e-12);
+        }
         // Where pairs grow with the cube, the reach comes to rest where there are as many as are wanted.
         let density = |reach: f64| 5.0 * CROWDED * (reach / LONG_SKIN).powi(3);
         let settled = (0..40).fold(LONG_SKIN, |reach, _| lasting(reach, density(reach)));

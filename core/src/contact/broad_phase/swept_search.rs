@@ -63,6 +63,31 @@ impl PairSearch {
         renumber
     }
 
+    /// Adds to `found` the pairs of this rank that may come within `inflation` on their paths and have a marked node, and takes out those
+    /// that it had. All ranks call it together, and everything is as with [`PairSearch::swept_pairs`].
+    pub(crate) fn swept_pairs_of_marked(
+        &mut self,
+        surface: &mut ContactSurface,
+        proximity: &mut ProximityList,
+        paths: &mut NodePaths,
+        inflation: Inflation,
+        SweptPairs { left, found }: SweptPairs<'_>,
+    ) -> Option<IndexMap> {
+        let shift = proximity.common_shift();
+        self.shift = shift;
+        self.refit(surface, |i| inflation.swept(surface, paths, &shift, i));
+        let renumber = self.import_ghosts(surface);
+        if let Some(renumber) = &renumber {
+            lay_out(renumber, surface, proximity, paths);
+            renumber.apply(left, 0);
+            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
+        }
+        surface.nodes().update(left);
+        self.refit_ghosts(surface, |i| inflation.swept(surface, paths, &shift, i));
+        self.replace_pairs_of_marked(surface, left, found);
+        renumber
+    }
+
     /// Brings the pairs found last along paths to those with the present ends of the nodes that left their boxes. All ranks call
     /// it together, and everything is as with [`PairSearch::swept_pairs`].
     pub(crate) fn update_swept_pairs(
@@ -89,11 +114,16 @@ impl PairSearch {
         if !surface.ranks().is_alone() {
             self.ghost_bvh.refit(&self.ghosts, &self.node_boxes, surface.groups());
         }
-        let concerned = |pair: &Pair| pair.nodes.iter().any(|node| left[*node as usize] != 0);
+        self.replace_pairs_of_marked(surface, left, found);
+        renumber
+    }
+
+    /// Replaces the pairs with a marked node by those whose boxes overlap.
+    fn replace_pairs_of_marked(&self, surface: &ContactSurface, marks: &[u8], found: &mut Vec<Pair>) {
+        let concerned = |pair: &Pair| pair.nodes.iter().any(|node| marks[*node as usize] != 0);
         found.retain(|pair| !concerned(pair));
         let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(concerned));
-        self.pairs_with(surface, left, keep, found);
-        renumber
+        self.pairs_with(surface, marks, keep, found);
     }
 
     /// Whether the pairs found last along paths hold for a node with this end.
@@ -116,13 +146,14 @@ impl PairSearch {
         found: &mut Vec<Pair>,
     ) {
         let [cloth, bodies, ghosts] = self.sides(surface);
-        let [marked, marked_ghosts] = [cloth, ghosts].map(|side| side.tree_where(marks));
+        let [marked, marked_bodies, marked_ghosts] = [cloth, bodies, ghosts].map(|side| side.tree_where(marks));
         // Two marked triangles of cloth meet once; those of ghosts meet marked ones as the others do.
         let searches = [
             (&marked, cloth, &cloth.fitted.tree),
             (&marked, bodies, &bodies.fitted.tree),
             (&marked, ghosts, &ghosts.fitted.tree),
             (&cloth.fitted.tree, ghosts, &marked_ghosts),
+            (&cloth.fitted.tree, bodies, &marked_bodies),
         ];
         let work = |search: usize, task: &PairTask| {
             let (tree, other, others) = searches[search];
@@ -130,11 +161,15 @@ impl PairSearch {
             let is_new = |s: u32, t: u32| match search {
                 0 => cloth.has(s, marks) && (s < t || !cloth.has(t, marks)),
                 1 | 2 => cloth.has(s, marks),
-                _ => ghosts.has(t, marks) && !cloth.has(s, marks),
+                3 => ghosts.has(t, marks) && !cloth.has(s, marks),
+                _ => bodies.has(t, marks) && !cloth.has(s, marks),
             };
             let mut out = Vec::new();
             tree.pairs_of(task, others, None, &mut |s, t| {
-                if is_new(s, t) && !surface.is_ignored(cloth.corners(s), other.corners(t)) {
+                if is_new(s, t)
+                    && cloth.overlaps(s, other, t)
+                    && !surface.is_ignored(cloth.corners(s), other.corners(t))
+                {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             });

@@ -43,6 +43,9 @@ const OPENING_RATE: f64 = 1.0;
 /// around it.
 pub(crate) const MARGIN: f64 = 0.02;
 
+/// One node in so many at most has left its reach where the paths of these nodes alone are searched.
+const SEARCHED_ALONE: u64 = 8;
+
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
@@ -117,20 +120,19 @@ pub(crate) struct CollisionLoop {
 }
 
 impl CollisionLoop {
-    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`ProximityList::update_displacements`]
-    /// for these paths). All ranks call it together.
+    /// Changes the ends of `paths` until nothing meets. All ranks call it together.
     pub(crate) fn resolve(
         &mut self,
         collisions: &mut Collisions<'_>,
         proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
-        mut used: f64,
+        Departure { mut used, beyond }: Departure,
         metrics: &mut Metrics,
     ) -> LoopOutcome {
         let ranks = collisions.surface.ranks().clone();
         let mut response = Response::default();
-        let mut source = CandidateSource::of(used, proximity);
+        let mut source = CandidateSource::of(used, beyond, collisions.surface.nodes(), proximity);
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
         self.prepare(source, collisions, proximity, search, paths, metrics);
@@ -159,6 +161,9 @@ impl CollisionLoop {
             let covers = |node: u32, end: &Vec3| match source {
                 CandidateSource::Swept | CandidateSource::Renewed => search.covers(node, end),
                 CandidateSource::ProximityList => proximity.is_within_skin(node as usize, end, MARGIN),
+                CandidateSource::Both => {
+                    proximity.is_within_skin(node as usize, end, MARGIN) && search.covers(node, end)
+                }
             };
             let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
             if ranks.any(!covered) {
@@ -167,7 +172,8 @@ impl CollisionLoop {
                 used = ranks
                     .max(moved.map(|node| proximity.update_displacement(node, &paths.end[node])).fold(used, f64::max));
                 proximity.exchange_displacements(nodes);
-                source = CandidateSource::of(used, proximity).after(source);
+                let beyond = proximity.count_beyond_skin(nodes, MARGIN);
+                source = CandidateSource::of(used, beyond, nodes, proximity).after(source);
                 self.prepare(source, collisions, proximity, search, paths, metrics);
             }
             detected = self.detect(collisions, paths, &response);
@@ -206,6 +212,14 @@ impl CollisionLoop {
             CandidateSource::Swept => {
                 metrics.count_once(surface.ranks(), "swept_searches", 1);
                 search.swept_pairs(surface, proximity, paths, inflation, found)
+            }
+            CandidateSource::Both => {
+                metrics.count_once(surface.ranks(), "swept_renewals", 1);
+                proximity.close_pairs(inflation.gap, inflation.margin, found);
+                self.left.resize(surface.nodes().count(), 0);
+                proximity.mark_beyond_skin(MARGIN, &mut self.left);
+                let pairs = SweptPairs { left: &mut self.left, found };
+                search.swept_pairs_of_marked(surface, proximity, paths, inflation, pairs)
             }
             CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
@@ -278,6 +292,23 @@ impl CollisionLoop {
     }
 }
 
+/// How far nodes have come from what the proximity list was made around.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Departure {
+    /// The longest way of a node as a share of its edges ([`ProximityList::update_displacements`]).
+    pub used: f64,
+    /// Number of nodes for which the list may lack pairs ([`ProximityList::count_beyond_skin`]).
+    pub beyond: u64,
+}
+
+impl Departure {
+    /// Notes it. All ranks call it together.
+    pub(crate) fn of(used: f64, proximity: &ProximityList, nodes: &ContactNodes) -> Self {
+        let beyond = if holds_all(proximity, used) { 0 } else { proximity.count_beyond_skin(nodes, MARGIN) };
+        Self { used, beyond }
+    }
+}
+
 /// Whether the proximity list holds all that can meet where `used` is the longest way of a node, and a little farther.
 pub(crate) fn holds_all(proximity: &ProximityList, used: f64) -> bool {
     used + MARGIN <= proximity.skin()
@@ -288,20 +319,31 @@ pub(crate) fn holds_all(proximity: &ProximityList, used: f64) -> bool {
 enum CandidateSource {
     /// The proximity list holds all that can meet.
     ProximityList,
-    /// Nodes have left their reach: the paths themselves are searched.
+    /// Few nodes have left their reach: their paths are searched, and the list holds all others that can meet.
+    Both,
+    /// Many have: the paths themselves are searched.
     Swept,
     /// They have been searched, but some nodes have left what was searched.
     Renewed,
 }
 
 impl CandidateSource {
-    fn of(used: f64, proximity: &ProximityList) -> Self {
-        if holds_all(proximity, used) { Self::ProximityList } else { Self::Swept }
+    fn of(used: f64, beyond: u64, nodes: &ContactNodes, proximity: &ProximityList) -> Self {
+        let all = u64::from(nodes.global_cloth_count()) + (nodes.count() - nodes.cloth()) as u64;
+        match used {
+            _ if holds_all(proximity, used) => Self::ProximityList,
+            _ if beyond * SEARCHED_ALONE <= all => Self::Both,
+            _ => Self::Swept,
+        }
     }
 
     /// This source where the candidates are from `before`.
     fn after(self, before: Self) -> Self {
-        if self == Self::ProximityList || before == Self::ProximityList { self } else { Self::Renewed }
+        match before {
+            Self::ProximityList => self,
+            Self::Both => Self::Swept,
+            Self::Swept | Self::Renewed => Self::Renewed,
+        }
     }
 }
 

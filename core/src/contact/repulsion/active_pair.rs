@@ -16,17 +16,37 @@ pub(super) struct OrientedPair {
     pub(super) side: Vec3,
     /// Distance at the collision-free state [m].
     pub(super) start_distance: f64,
+    /// Unit direction from the closest point of the second primitive to that of the first at that state.
+    pub(super) axis: Vec3,
 }
 
 impl OrientedPair {
     /// Square of the largest difference between values of two nodes, one of each side.
     #[inline]
     pub(super) fn largest_difference_squared(&self, of_nodes: &[Vec3]) -> f64 {
-        let [a, b, c, d] = self.pair.nodes.map(|node| of_nodes[node as usize]);
+        let [a, b, c, d] = self.pair.positions(of_nodes);
         let between = |one: &Vec3, other: &Vec3| (one - other).norm_squared();
         match self.pair.kind {
             PairKind::PointTriangle => between(&a, &b).max(between(&a, &c)).max(between(&a, &d)),
             PairKind::EdgeEdge => between(&a, &c).max(between(&a, &d)).max(between(&b, &c).max(between(&b, &d))),
+        }
+    }
+
+    /// Bound from below on the distance of the pair [m] after displacements since the collision-free state [m]. The plane across the axis
+    /// separated the two primitives, so that they are at least as far apart along it as their nodes are.
+    #[inline]
+    pub(super) fn distance_bound(&self, displacements: &[Vec3]) -> f64 {
+        (1.0 - DISTANCE_ROUNDING) * self.start_distance - self.largest_approach(displacements)
+    }
+
+    /// Largest approach along the axis between values of two nodes, one of each side; negative where all move apart.
+    #[inline]
+    pub(super) fn largest_approach(&self, of_nodes: &[Vec3]) -> f64 {
+        let [a, b, c, d] = self.pair.positions(of_nodes);
+        let [a, b, c, d] = [a.dot(&self.axis), b.dot(&self.axis), c.dot(&self.axis), d.dot(&self.axis)];
+        match self.pair.kind {
+            PairKind::PointTriangle => b.max(c).max(d) - a,
+            PairKind::EdgeEdge => c.max(d) - a.min(b),
         }
     }
 
@@ -75,6 +95,8 @@ impl ActivePair {
 #[derive(Debug, Default)]
 pub(super) struct PairsOfKind {
     pub(super) oriented: Vec<OrientedPair>,
+    /// Upper bound on the damping time of each of `oriented` in this step [s]; for the solves of long steps.
+    pub(super) damping_times: Vec<f64>,
     pub(super) order: Order,
     /// One entry for each of `oriented`, in the order of their colours.
     pub(super) contacts: Vec<Option<ActivePair>>,

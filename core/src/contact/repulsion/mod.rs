@@ -138,8 +138,10 @@ impl Repulsions {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let kind =
-            |k: &PairsOfKind| k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActivePair>>() + 4);
+        let kind = |k: &PairsOfKind| {
+            k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActivePair>>() + 4)
+                + k.damping_times.capacity() * size_of::<f64>()
+        };
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
     }
@@ -227,7 +229,7 @@ impl Repulsions {
     /// The forces of all pairs in touch at a stage of a long step, in an order that the scene fixes; those canonical here are
     /// counted as the active ones.
     pub(crate) fn pair_forces(&mut self, at: &PairStage<'_>, before: &[PairForce]) -> Vec<PairForce> {
-        let found = pair_forces(&self.kinds, &self.laws, at, before);
+        let found = pair_forces(&mut self.kinds, &self.laws, at, before);
         (self.active, self.inverted) = (0, 0);
         for pair in found.iter().filter(|pair| at.surface.nodes().is_canonical_rank(&pair.nodes)) {
             self.active += 1;
@@ -361,7 +363,8 @@ fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<Oriente
         PairKind::PointTriangle => Vec3::x() * along.signum(),
         PairKind::EdgeEdge => apart / distance,
     };
-    Some(OrientedPair { pair, thickness: f64::from(neighbour.thickness), side, start_distance: distance })
+    let (thickness, axis) = (f64::from(neighbour.thickness), apart / distance);
+    Some(OrientedPair { pair, thickness, side, start_distance: distance, axis })
 }
 
 impl OrientedPair {

@@ -165,20 +165,34 @@ pub(crate) fn note_solution(pairs: &mut [PairForce], products: &[Simd4], [share,
 
 /// The forces of all pairs in touch, by kind and nodes. `before` are those of the evaluation before in this step; none if it is the first.
 pub(super) fn pair_forces(
-    kinds: &[PairsOfKind; 2],
+    kinds: &mut [PairsOfKind; 2],
     laws: &Laws,
     at: &PairStage<'_>,
     before: &[PairForce],
 ) -> Vec<PairForce> {
+    for PairsOfKind { oriented, damping_times, .. } in kinds.iter_mut() {
+        if !at.is_guess || damping_times.len() != oriented.len() {
+            damping_times.clear();
+            damping_times.par_extend(oriented.par_iter().map(|pair| pair.longest_damping_time(at)));
+        }
+    }
     let history = |pair: &Pair| {
         let found = before.binary_search_by(|other| other.pair.cmp(pair));
         found.map_or(PairHistory::NONE, |found| PairHistory::after(&before[found]))
     };
     let mut all = Vec::new();
-    for of_kind in kinds {
-        let chunks = of_kind.oriented.par_chunks(CHUNK);
-        let of_pair = |pair: &OrientedPair| pair.force(laws, at, history);
-        let pieces: Vec<Vec<PairForce>> = chunks.map(|pairs| pairs.iter().filter_map(of_pair).collect()).collect();
+    for of_kind in &*kinds {
+        let chunks = of_kind.oriented.par_chunks(CHUNK).zip(of_kind.damping_times.par_chunks(CHUNK));
+        let of_chunk = |(pairs, times): (&[OrientedPair], &[f64])| {
+            let mut near = Vec::new();
+            for (pair, time) in pairs.iter().zip(times) {
+                if !pair.is_out_of_touch(at, *time) {
+                    near.push(pair);
+                }
+            }
+            near.into_iter().filter_map(|pair| pair.force(laws, at, history)).collect()
+        };
+        let pieces: Vec<Vec<PairForce>> = chunks.map(of_chunk).collect();
         pieces.into_iter().for_each(|piece| all.extend(piece));
     }
     all.sort_unstable_by_key(|force| force.pair);
@@ -265,20 +279,37 @@ impl OrientedPair {
         PRESSURE * AREA * edge * edge / self.thickness
     }
 
-    /// Whether the pair may push wherever its two are closest: nine in ten are too far apart for how fast their nodes approach. A pair that
-    /// something presses is stiffer than `linear` and acts later.
-    #[inline]
-    fn may_push(&self, at: &PairStage<'_>, linear: f64) -> bool {
+    /// Upper bound on the damping time of the pair [s], wherever its two are closest; infinite where nodes are held. A pair that something
+    /// presses is stiffer and has a shorter one.
+    fn longest_damping_time(&self, at: &PairStage<'_>) -> f64 {
         let [a, b, c, d] = self.pair.nodes.map(|node| at.mobility.get(node as usize).copied().unwrap_or(0.0));
         // Weights of a side sum to one: their squares to no less than one over their number.
-        let response = match self.pair.kind {
-            PairKind::PointTriangle => a + b.min(c).min(d) / 3.0,
-            PairKind::EdgeEdge => 0.5 * (a.min(b) + c.min(d)),
+        let (response, softest) = match self.pair.kind {
+            PairKind::PointTriangle => (a + b.min(c).min(d) / 3.0, 1.0),
+            PairKind::EdgeEdge => (0.5 * (a.min(b) + c.min(d)), SOFTEST_EDGES),
         };
-        let softest = if self.pair.kind == PairKind::EdgeEdge { SOFTEST_EDGES * linear } else { linear };
-        // Infinite where nodes are held.
-        let damping_time = PAIR_DAMPING / (softest * response).sqrt();
-        !self.is_beyond(at.displacements, self.thickness + damping_time * self.largest_difference_squared(at.v).sqrt())
+        PAIR_DAMPING / (softest * self.linear_stiffness(at) * response).sqrt()
+    }
+
+    /// Whether the pair cannot be in touch, wherever its two are closest, with a damping time of at most `damping_time` [s]: most are too far
+    /// apart for how fast their nodes approach.
+    ///
+    /// Let the distance be at least s along the axis, the nodes approach along it at c at most and move against each other at v at most. Where
+    /// the normal is θ off the axis, the distance is at least s/cos θ, and the approach along the normal at most c cos θ + v sin θ. So
+    /// y ≤ H − s (1 + θ²/2) + τ c + τ v θ ≤ H − s + τ c + (τ v)²/2s. The approach is no more than v either.
+    #[inline]
+    fn is_out_of_touch(&self, at: &PairStage<'_>, damping_time: f64) -> bool {
+        let distance = self.distance_bound(at.displacements);
+        if distance <= self.thickness {
+            return false;
+        }
+        if distance > LOOK_AHEAD * self.thickness {
+            return true;
+        }
+        let approach = damping_time * self.largest_approach(at.v).max(0.0);
+        let squared = damping_time * damping_time * self.largest_difference_squared(at.v);
+        let room = distance - self.thickness;
+        squared < room * room || approach + squared / (2.0 * distance) < room
     }
 
     /// Factor of the spring of two edges that touch near their ends or are nearly parallel; 1 for a point and a triangle.
@@ -314,13 +345,6 @@ impl OrientedPair {
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
         // A pair that has passed through has moved farther than one that is still in front.
         let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness);
-        if self.is_beyond(at.displacements, reaches[0]) {
-            return None;
-        }
-        let linear = self.linear_stiffness(at);
-        if !self.may_push(at, linear) {
-            return None;
-        }
         let (weights, normal, distance) = self.touch(laws, at.x, reaches)?;
         // A normal that turns round without that says nothing of sides.
         let has_passed = || !self.is_beyond(at.displacements, 0.0);
@@ -340,7 +364,7 @@ impl OrientedPair {
             return None;
         }
         let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
-        let mut spring = PairSpring::pressed(linear, self.thickness, pressing_force);
+        let mut spring = PairSpring::pressed(self.linear_stiffness(at), self.thickness, pressing_force);
         let damped = mollifier.max(SOFTEST_EDGES) * spring.linear;
         spring.linear *= mollifier;
         let approach = velocity.dot(&normal);

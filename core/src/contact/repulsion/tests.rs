@@ -52,8 +52,8 @@ impl Pushed {
         let mut surface = ContactSurface::new(scene, 1.0);
         let mut state = State::at_start(scene);
         let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
-        proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
-        proximity.update_displacements(&surface, &state.x, &state.x);
+        proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0, None);
+        proximity.update_displacements(&surface, [&state.x; 2].map(Vec::as_slice), [0.0; 2]);
         let (nodes, repulsions) = (surface.nodes().clone(), Repulsions::new(laws));
         let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
         let mut pushed = Self { nodes, proximity, x: state.x, v: state.v, mobility, repulsions };

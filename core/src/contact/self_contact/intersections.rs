@@ -118,11 +118,11 @@ impl SelfContact {
     /// crossed before, and all pairs that can have met since the list was made are in it. An edge comes to cross a triangle
     /// only when its ends meet the triangle or it meets the triangle's edges.
     fn near_others(&mut self) -> Option<Vec<u8>> {
-        let Self { surface, proximity, paths, geometric, .. } = self;
+        let Self { surface, proximity, paths, geometric, elapsed, .. } = self;
         if geometric.as_ref().is_none_or(|g| !g.crossings.is_empty()) {
             return None;
         }
-        let used = proximity.update_displacements(surface, &paths.end, &paths.end);
+        let used = proximity.update_displacements(surface, [&paths.end; 2].map(Vec::as_slice), [*elapsed; 2]);
         if !holds_all(proximity, used) {
             return None;
         }

@@ -19,7 +19,7 @@ pub(crate) fn layer_sides(scene: &Scene, x: &[Vec3], bodies: &Bodies) -> BTreeMa
     let mut contact = SelfContact::new(scene, None, Some(CollisionSettings { max_steps: 1 }));
     contact.surface.gather(x, bodies, &mut contact.paths.start);
     contact.gap = contact.gap_now();
-    contact.rebuild(REACH);
+    contact.rebuild(REACH, None);
     let (surface, start) = (&contact.surface, &contact.paths.start);
     // The closest face of each garment, to each point.
     let mut closest_faces: BTreeMap<(u32, usize), (f64, [usize; 2], bool)> = BTreeMap::new();

@@ -15,9 +15,9 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
+use crate::contact::broad_phase::proximity_list::{PairOrder, PredictedPaths, ProximityList};
 use crate::contact::broad_phase::skin;
-use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
+use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Departure, LoopOutcome, Strategy};
 use crate::contact::intersections::tangle::Tangle;
 use crate::contact::repulsion::pair_forces::UnrepelledMotion;
 use crate::contact::repulsion::{Laws, Repulsions};
@@ -33,7 +33,7 @@ use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
 
 /// Section with the memory of both halves of self-contact.
-pub(crate) const SECTION: SectionId = SectionId { name: "self_contact", version: 1 };
+pub(crate) const SECTION: SectionId = SectionId { name: "self_contact", version: 2 };
 
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
@@ -41,6 +41,10 @@ const STEP_COUNTS: [&str; 5] =
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LARGEST_DISPLACEMENT: f64 = 0.5;
+
+/// Farthest that the two sides of a pair which gets a side may come closer in a collision step, over the longest edges: the side of what
+/// comes from farther away may change on the way.
+const FARTHEST_SIDE: f64 = 0.2;
 
 /// Safety factor on the motion foreseen from the last collision step.
 const FORESIGHT: f64 = 1.3;
@@ -100,6 +104,10 @@ pub(crate) struct SelfContact {
     displacement_rate: f64,
     /// Longest way since the list was made, at the last collision-free state.
     skin_used: f64,
+    /// Reach of lists around predicted paths, as a share of the nodes' edges.
+    predicted_reach: f64,
+    /// Time since the last collision-free state, at the last call of C [s].
+    elapsed: f64,
     /// Strategy by which the collisions of this collision step are resolved.
     effort: Strategy,
     /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
@@ -156,6 +164,8 @@ impl SelfContact {
             start_time: 0.0,
             displacement_rate: 0.0,
             skin_used: f64::INFINITY,
+            predicted_reach: skin::FIRST_PREDICTED,
+            elapsed: 0.0,
             effort: Strategy::Usual,
             without_repulsion: Vec::new(),
             frozen: Vec::new(),
@@ -238,19 +248,22 @@ impl SelfContact {
         let steps = wanted.min(affordable).max(1);
         let displacement = per_step * f64::from(steps);
         self.gap = self.gap_now();
-        self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
-        let reach = skin::after(&self.proximity, displacement);
-        // A step that is tried again starts where its list was made.
-        let is_made_here = self.skin_used < REWOUND && self.proximity.full_skin() == reach;
-        let lasts = self.skin_used + displacement <= self.proximity.skin();
-        if !(is_made_here || lasts) {
+        self.skin_used = self.displacement_at_start();
+        let lasting = skin::lasting_after(&self.proximity, displacement);
+        let duration = dt * f64::from(steps);
+        if !self.list_serves(lasting, displacement, duration) {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
-            self.rebuild(reach);
-            self.skin_used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
+            let predicted = lasting.is_none().then(|| {
+                let ends = self.surface.predict(&self.paths.start, &state.v, bodies, [state.time, duration]);
+                PredictedPaths { ends, duration }
+            });
+            self.rebuild(lasting.unwrap_or(self.predicted_reach), predicted);
+            self.skin_used = self.displacement_at_start();
         }
         if let Some(repulsions) = &mut self.repulsions {
             let tangle = self.geometric.as_ref().map(|g| &g.tangle).filter(|tangle| !tangle.is_empty());
-            let slack = 2.0 * displacement.min(self.proximity.skin()) * self.surface.longest_edge();
+            let reach = if lasting.is_some() { 2.0 * self.proximity.skin() } else { FARTHEST_SIDE };
+            let slack = (2.0 * displacement).min(reach) * self.surface.longest_edge();
             let (has_deep_parts, points) = (bodies.have_deep_parts(), self.surface.body_points());
             let is_without_repulsion =
                 |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
@@ -274,6 +287,25 @@ impl SelfContact {
         steps
     }
 
+    /// Longest way of a node since the list was made, at the start of a collision step, as a share of its edges.
+    fn displacement_at_start(&mut self) -> f64 {
+        self.elapsed = 0.0;
+        self.proximity.update_displacements(&self.surface, [&self.paths.start; 2].map(Vec::as_slice), [0.0; 2])
+    }
+
+    /// Whether the list serves a collision step in which nodes go `displacement` of their edges in `duration` [s]; `lasting` is the reach of a
+    /// list that is to last from now on.
+    fn list_serves(&self, lasting: Option<f64>, displacement: f64, duration: f64) -> bool {
+        // A step that is tried again starts where its list was made.
+        let is_made_here = self.skin_used < REWOUND;
+        match (self.proximity.predicted_duration(), lasting) {
+            (None, Some(reach)) if is_made_here && self.proximity.full_skin() == reach => true,
+            (None, _) => self.skin_used + displacement <= self.proximity.skin(),
+            (Some(predicted), None) => is_made_here && duration <= predicted,
+            (Some(_), Some(_)) => false,
+        }
+    }
+
     /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance
     /// from the scene's origin, which does not change when the scene is turned. What takes no part may lie anywhere.
     fn gap_now(&self) -> f64 {
@@ -289,9 +321,9 @@ impl SelfContact {
     }
 
     /// Makes the proximity list anew around the collision-free state.
-    fn rebuild(&mut self, reach: f64) {
+    fn rebuild(&mut self, reach: f64, predicted: Option<PredictedPaths>) {
         let Self { surface, search, proximity, paths, mobility, gap, .. } = self;
-        proximity.rebuild(surface, search, &mut paths.start, reach, *gap);
+        proximity.rebuild(surface, search, &mut paths.start, reach, *gap, predicted);
         if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
             *mobility = cloth_mobility(surface);
         }
@@ -314,15 +346,26 @@ impl SelfContact {
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
-        let used = self.proximity.update_displacements(&self.surface, &self.paths.start, &self.paths.end);
+        self.elapsed = duration;
+        let paths = [&self.paths.start, &self.paths.end].map(Vec::as_slice);
+        let used = self.proximity.update_displacements(&self.surface, paths, [0.0, duration]);
         if duration > 0.0 {
-            self.displacement_rate = (used - self.skin_used).max(0.0) / duration;
+            let displacement = match self.proximity.predicted_duration() {
+                Some(_) => self.surface.largest_displacement(paths),
+                None => (used - self.skin_used).max(0.0),
+            };
+            self.displacement_rate = displacement / duration;
         }
         if self.geometric.is_none() {
             return Ending::Resolved;
         }
         let let_go = self.let_go(bodies, body_collision.as_deref());
-        let outcome = self.resolve((bodies, &let_go), [duration, used], may_rewind, metrics);
+        let departure = Departure::of(used, &self.proximity, self.surface.nodes());
+        if self.proximity.predicted_duration().is_some() {
+            let all = f64::from(self.surface.nodes().global_cloth_count());
+            self.predicted_reach = skin::predicted_after(self.predicted_reach, departure.beyond as f64 / all.max(1.0));
+        }
+        let outcome = self.resolve((bodies, &let_go), (duration, departure), may_rewind, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
         if outcome.given_back {
             metrics.count_once(self.surface.ranks(), "rewinds", 1);
@@ -378,12 +421,11 @@ impl SelfContact {
         all
     }
 
-    /// Stops what would pass through something on the paths, of which `used` is the longest way [m]. The ghosts are those of
-    /// before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts that are deep inside others.
+    /// Stops what would pass through something on the paths. The ghosts are those of before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts that are deep inside others.
     fn resolve(
         &mut self,
         (bodies, let_go): (&Bodies, &[u32]),
-        [duration, used]: [f64; 2],
+        (duration, departure): (f64, Departure),
         may_rewind: bool,
         metrics: &mut Metrics,
     ) -> LoopOutcome {
@@ -410,7 +452,7 @@ impl SelfContact {
             effort: self.effort,
         };
         let kept = collisions.surface.nodes().clone();
-        let mut outcome = work.resolve(&mut collisions, proximity, search, paths, used, metrics);
+        let mut outcome = work.resolve(&mut collisions, proximity, search, paths, departure, metrics);
         // Where another rank alone has new ghosts, this one sends more.
         if !surface.nodes().is_laid_out_as(&kept) {
             let renumber = surface.set_nodes(kept);
@@ -429,6 +471,8 @@ impl SelfContact {
         let memory = SavedSection::new(SECTION)
             .with("wear", Field::single(self.displacement_rate))
             .with("list_reach", Field::single(self.proximity.full_skin()))
+            .with("list_density", Field::single(self.proximity.density()))
+            .with("predicted_reach", Field::single(self.predicted_reach))
             .with("list_positions", Field::nodes(nodes.count() - nodes.cloth(), list));
         let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
@@ -447,6 +491,8 @@ impl SelfContact {
     pub(crate) fn restore(&mut self, memory: &SavedSection) -> Result<(), SnapshotError> {
         self.check_memory(memory)?;
         self.displacement_rate = memory.single("wear");
+        self.predicted_reach = memory.single("predicted_reach");
+        self.proximity.forget(memory.single("list_reach"), memory.single("list_density"));
         if let Some([cloth, bodies]) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
             let start = &mut self.paths.start;
@@ -457,7 +503,7 @@ impl SelfContact {
             let reach = memory.single("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.gap = self.gap_now();
-            self.rebuild(reach);
+            self.rebuild(reach, None);
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.single::<u64>(name)).unwrap_or(u32::MAX);
@@ -474,7 +520,9 @@ impl SelfContact {
     fn check_memory(&self, memory: &SavedSection) -> Result<(), SnapshotError> {
         let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
         let of_geometric = |name| self.geometric.as_ref().map(|_| name);
-        for name in ["wear", "list_reach"].into_iter().chain(of_geometric("step_share")) {
+        for name in
+            ["wear", "list_reach", "list_density", "predicted_reach"].into_iter().chain(of_geometric("step_share"))
+        {
             let number: f64 = memory.single(name);
             if !(number >= 0.0 && number.is_finite()) {
                 return error(format!("`{name}` is {number}"));

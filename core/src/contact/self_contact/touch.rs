@@ -23,7 +23,7 @@ impl SelfContact {
         let kept = (0..surface.nodes().cloth()).map(|node| surface.kept_distance(node)).fold(0.0, f64::max);
         let farthest = surface.ranks().max(kept);
         let mut near = ProximityList::new(&surface, PairOrder::Any);
-        near.rebuild(&mut surface, &mut PairSearch::new(), &mut positions, 0.0, farthest);
+        near.rebuild(&mut surface, &mut PairSearch::new(), &mut positions, 0.0, farthest, None);
         let (nodes, place) = (surface.nodes(), surface.place());
         let of_cloth = |node: &u32| !surface.is_body(*node);
         for candidate in near.list(PairKind::PointTriangle) {

@@ -56,7 +56,8 @@ impl Pair {
     /// The positions of its nodes.
     #[inline]
     pub(crate) fn positions(&self, x: &[Vec3]) -> [Vec3; 4] {
-        self.nodes.map(|node| x[node as usize])
+        let [a, b, c, d] = self.nodes;
+        [x[a as usize], x[b as usize], x[c as usize], x[d as usize]]
     }
 
     /// Returns the closest points of the pair with its nodes at `x`.
@@ -81,22 +82,60 @@ impl Pair {
     /// most pairs whose boxes overlap: along no direction are two convex sets farther apart than they are.
     #[inline]
     pub(crate) fn is_beyond(&self, x: &[Vec3; 4], distance: f64) -> bool {
-        let corners = match self.kind {
+        let corners = self.corners(x);
+        let along = corners[0] + corners[1] + corners[2] + corners[3];
+        let least = least_along(&corners, &along);
+        least > 0.0 && least * least > distance * distance * along.norm_squared()
+    }
+
+    /// The same everywhere on straight paths between two positions of the nodes: what is on one side of a plane at both ends is so between.
+    #[inline]
+    pub(crate) fn is_beyond_on_paths(&self, [start, end]: [&[Vec3; 4]; 2], distance: f64) -> bool {
+        let corners = [self.corners(start), self.corners(end)];
+        let [[a, b, c, d], [e, f, g, h]] = corners;
+        let along = (a + b + c + d) + (e + f + g + h);
+        let least = least_along(&corners[0], &along).min(least_along(&corners[1], &along));
+        least > 0.0 && least * least > distance * distance * along.norm_squared()
+    }
+
+    /// A bound from below on the distance everywhere on straight paths between two positions of the nodes [m], of which the first has these
+    /// closest points.
+    #[inline]
+    pub(crate) fn distance_bound_on_paths(&self, closest: &Closest, [start, end]: [&[Vec3; 4]; 2]) -> f64 {
+        let distance = closest.apart.norm();
+        let axis = closest.apart / distance.max(f64::MIN_POSITIVE);
+        let (before, after) = (self.corners(start), self.corners(end));
+        let at_end = least_along(&after, &axis);
+        let mut moved = 0.0_f64;
+        for (before, after) in before.iter().zip(&after) {
+            moved = moved.max((after - before).norm_squared());
+        }
+        distance.min(at_end).max(distance - moved.sqrt())
+    }
+
+    /// Differences between the nodes of the first primitive and those of the second.
+    #[inline]
+    fn corners(&self, x: &[Vec3; 4]) -> [Vec3; 4] {
+        match self.kind {
             PairKind::PointTriangle => [x[0] - x[1], x[0] - x[2], x[0] - x[3], x[0] - x[3]],
             PairKind::EdgeEdge => [x[0] - x[2], x[0] - x[3], x[1] - x[2], x[1] - x[3]],
-        };
-        let along = corners[0] + corners[1] + corners[2] + corners[3];
-        let least = corners.iter().map(|corner| corner.dot(&along)).fold(f64::INFINITY, f64::min);
-        least > 0.0 && least * least > distance * distance * along.norm_squared()
+        }
     }
 
     /// `combine` of a value over the nodes of the first primitive, and of the second.
     #[inline]
     pub(crate) fn fold(&self, value: &[f64], combine: impl Fn(f64, f64) -> f64) -> [f64; 2] {
-        let [a, b, c, d] = self.nodes.map(|node| value[node as usize]);
+        let [a, b, c, d] = self.nodes;
+        let [a, b, c, d] = [value[a as usize], value[b as usize], value[c as usize], value[d as usize]];
         match self.kind {
             PairKind::PointTriangle => [a, combine(combine(b, c), d)],
             PairKind::EdgeEdge => [combine(a, b), combine(c, d)],
         }
     }
+}
+
+/// Least component of four vectors along a direction.
+#[inline]
+fn least_along([a, b, c, d]: &[Vec3; 4], along: &Vec3) -> f64 {
+    a.dot(along).min(b.dot(along)).min(c.dot(along).min(d.dot(along)))
 }

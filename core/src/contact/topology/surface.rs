@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision;
@@ -21,6 +23,9 @@ use crate::parallel::halo::GhostedArray;
 use crate::parallel::ranks::Ranks;
 use crate::scene::contact_matrix::{ContactGroups, ContactMatrix};
 use crate::scene::{BodyShape, Scene};
+
+/// Nodes that one task looks at.
+const CHUNK: usize = 4096;
 
 /// Object of a node that is not known yet.
 const UNKNOWN: u32 = u32::MAX;
@@ -389,6 +394,30 @@ impl ContactSurface {
         nodes.resize(self.nodes.cloth(), Vec3::zeros());
         self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.contact_positions(*body)));
         self.nodes.update(nodes);
+    }
+
+    /// Positions of all nodes after a duration [s] from a time [s] on, at which they are at `x`: of cloth as its velocities `v` have it, over
+    /// the scene's local vertices [m/s], of bodies as they move. All ranks call it together.
+    pub(crate) fn predict(&self, x: &[Vec3], v: &[Vec3], bodies: &Bodies, [time, duration]: [f64; 2]) -> Vec<Vec3> {
+        let mut nodes = x[..self.nodes.cloth()].to_vec();
+        for (x, v) in nodes[self.nodes.own()].iter_mut().zip(&v[self.place.clone()]) {
+            *x += v * duration;
+        }
+        for (body, _) in &self.first_points {
+            bodies.extend_with_contact_positions_at(*body, time + duration, &mut nodes);
+        }
+        self.nodes.update(&mut nodes);
+        nodes
+    }
+
+    /// Longest way of a node between these two positions of all nodes [m], besides the motion that all have in common, as a share of its
+    /// edges. All ranks call it together.
+    pub(crate) fn largest_displacement(&self, [start, end]: [&[Vec3]; 2]) -> f64 {
+        let centre = self.samples.centre(&self.nodes, start);
+        let [common, _] = self.samples.fits(&self.nodes, start, centre, [end; 2]);
+        let of_node = |((start, end), edge): ((&Vec3, &Vec3), &f64)| (end - common.apply(start)).norm() / edge;
+        let nodes = start.par_iter().zip(end).zip(&self.edge_length).with_min_len(CHUNK);
+        self.ranks().max(nodes.map(of_node).reduce(|| 0.0, f64::max))
     }
 
     /// Positions and velocities of all nodes at a fraction of a step [m], [m/s]: cloth has `x` and `v`, over the scene's local

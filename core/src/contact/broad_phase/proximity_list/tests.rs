@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use super::*;
 use crate::contact::ccd;
 use crate::contact::topology::pair::KINDS;
@@ -52,8 +54,11 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
         let mut surface = ContactSurface::new(&scene, 0.4);
         let mut search = PairSearch::new();
         let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
-        assert!(proximity.update_displacements(&surface, &x, &x).is_infinite(), "there is no list yet");
-        proximity.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
+        assert!(
+            proximity.update_displacements(&surface, [&x; 2].map(Vec::as_slice), [0.0; 2]).is_infinite(),
+            "there is no list yet"
+        );
+        proximity.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0, None);
         let all = all_pairs(&surface);
         for round in 0..5 {
             // Everything turns and falls together, and a little apart, up to the reach.
@@ -65,30 +70,67 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
                 x.iter().enumerate().map(|(i, x)| turn * x + shift + own(i, random)).collect()
             };
             let (start, end) = (moved(&mut random), moved(&mut random));
-            let displacement = proximity.update_displacements(&surface, &start, &end);
+            let displacement = proximity.update_displacements(&surface, [&start, &end].map(Vec::as_slice), [0.0; 2]);
             assert!(displacement <= proximity.skin(), "{displacement} in {}", proximity.skin());
-            let mut found: Vec<Pair> = KINDS.iter().flat_map(|k| proximity.list(*k)).map(|n| n.pair).collect();
-            found.sort_unstable();
-            assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");
-            let (mut close, mut least) = (0, f64::INFINITY);
-            for pair in &all {
-                let reach = ACTIVE * surface.pair_thickness(pair);
-                for share in [0.0, 0.3, 1.0] {
-                    let now: Vec<Vec3> = start.iter().zip(&end).map(|(a, b)| a.lerp(b, share)).collect();
-                    let distance = pair.closest(&pair.positions(&now)).apart.norm();
-                    let listed = found.binary_search(pair);
-                    assert!(distance > reach || listed.is_ok(), "{pair:?} at {distance}");
-                    close += usize::from(distance <= reach);
-                    if listed.is_ok() {
-                        let same = |n: &&CandidatePair| n.pair == *pair;
-                        let neighbour = proximity.list(pair.kind).iter().find(same).expect("it is in the list");
-                        least = least.min(distance - proximity.distance_bound(neighbour));
-                    }
-                }
-            }
-            assert!(close > 100, "the sheets are close: {close}");
-            assert!(least >= 0.0, "a bound is not above the distance: {least}");
+            assert_holds_all(&proximity, &surface, &all, [&start, &end]);
         }
+    }
+}
+
+/// Checks that a list has each pair once, all that come close on these paths, and bounds that are not above distances.
+fn assert_holds_all(proximity: &ProximityList, surface: &ContactSurface, all: &[Pair], [start, end]: [&[Vec3]; 2]) {
+    let entries: BTreeMap<Pair, &CandidatePair> =
+        KINDS.iter().flat_map(|k| proximity.list(*k)).map(|n| (n.pair, n)).collect();
+    assert_eq!(entries.len(), KINDS.iter().map(|k| proximity.list(*k).len()).sum::<usize>(), "each pair once");
+    let (mut close, mut least) = (0, f64::INFINITY);
+    for share in [0.0, 0.3, 1.0] {
+        let now: Vec<Vec3> = start.iter().zip(end).map(|(a, b)| a.lerp(b, share)).collect();
+        for pair in all {
+            let distance = pair.closest(&pair.positions(&now)).apart.norm();
+            let entry = entries.get(pair);
+            let is_close = distance <= ACTIVE * surface.pair_thickness(pair);
+            assert!(!is_close || entry.is_some(), "{pair:?} at {distance}");
+            close += usize::from(is_close);
+            least = entry.map_or(least, |entry| least.min(distance - proximity.distance_bound(entry)));
+        }
+    }
+    assert!(close > 100, "the sheets are close: {close}");
+    assert!(least >= 0.0, "a bound is not above the distance: {least}");
+}
+
+#[test]
+fn a_list_around_predicted_paths_holds_all_that_brute_force_finds() {
+    const REACH: f64 = 0.1;
+    let mut random = SplitMix64::new(93);
+    for duration in [0.5, 1e-3] {
+        let (scene, mut x) = crumpled(&mut random);
+        let mut surface = ContactSurface::new(&scene, 0.4);
+        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        let (all, shift) = (all_pairs(&surface), random.vector());
+        let ends: Vec<Vec3> = x.iter().map(|x| x + shift + random.vector() * 0.01).collect();
+        let predicted = PredictedPaths { ends: ends.clone(), duration };
+        proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut x, REACH, 0.0, Some(predicted));
+        let edge = surface.edge_length().to_vec();
+        for share in [0.0, 0.4, 1.0, 1.5] {
+            // As far along the paths as time has come, or to their ends, and a little beside them.
+            let beside = |i: usize, random: &mut SplitMix64| random.vector().normalize() * 0.9 * REACH * edge[i];
+            let at = |i: usize| x[i].lerp(&ends[i], f64::min(share, 1.0));
+            let end: Vec<Vec3> = (0..x.len()).map(|i| at(i) + beside(i, &mut random)).collect();
+            let displacement = proximity.update_displacements(&surface, [&x, &end], [0.0, share * duration]);
+            assert!(displacement <= proximity.skin(), "{displacement} in {}", proximity.skin());
+            assert_holds_all(&proximity, &surface, &all, [&x, &end]);
+            assert!(share > 0.0 || proximity.common_shift() == Vec3::zeros());
+            assert!(share < 1.0 || (proximity.common_shift() - shift).norm() < 0.01);
+            assert_eq!(proximity.count_beyond_skin(surface.nodes(), 0.0), 0);
+        }
+        // A node beside its path by more than its reach is named.
+        let mut end = ends.clone();
+        end[17] += Vec3::x() * 2.0 * REACH * edge[17];
+        proximity.update_displacements(&surface, [&x, &end], [0.0, duration]);
+        let mut marks = vec![0; x.len()];
+        proximity.mark_beyond_skin(0.0, &mut marks);
+        assert_eq!((proximity.count_beyond_skin(surface.nodes(), 0.0), marks[17]), (1, 1));
+        assert_eq!(marks.iter().filter(|mark| **mark != 0).count(), 1);
     }
 }
 

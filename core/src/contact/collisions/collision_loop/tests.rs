@@ -40,8 +40,23 @@ impl Outcome {
     }
 }
 
-/// Resolves the collisions of a heap that goes so many times the way between its first two times.
-fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_give_back: bool) -> Outcome {
+/// Motion of a heap: so many times the way between its first two times, for one node in 16 another number of times.
+#[derive(Debug, Clone, Copy)]
+struct Moves {
+    usual: f64,
+    some: f64,
+    /// Reach of the proximity list.
+    reach: f64,
+}
+
+impl Moves {
+    fn all(times: f64) -> Self {
+        Self { usual: times, some: times, reach: 0.3 }
+    }
+}
+
+/// Resolves the collisions of a heap that moves.
+fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], moves: Moves, may_give_back: bool) -> Outcome {
     let mut surface = heap.surface(ranks, starts);
     let nodes = surface.nodes().clone();
     surface.change_mobility(|mobility| {
@@ -55,10 +70,16 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
     });
     let (mut search, mut proximity) = (PairSearch::new(), ProximityList::new(&surface, PairOrder::Any));
     let mut start = heap.at(&surface, 0);
-    proximity.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
-    let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * displacement).collect();
+    proximity.rebuild(&mut surface, &mut search, &mut start, moves.reach, 1e-6, None);
+    let times = |node: usize| match surface.nodes().number(node as u32) {
+        number if number.is_multiple_of(16) => moves.some,
+        _ => moves.usual,
+    };
+    let paths = start.iter().zip(heap.at(&surface, 1)).enumerate();
+    let end = paths.map(|(node, (a, b))| a + (b - a) * times(node)).collect();
     let mut paths = NodePaths { start, end };
-    let used = proximity.update_displacements(&surface, &paths.start, &paths.end);
+    let used = proximity.update_displacements(&surface, [&paths.start, &paths.end].map(Vec::as_slice), [0.0; 2]);
+    let departure = Departure::of(used, &proximity, surface.nodes());
     let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
     let mut collisions = Collisions {
         surface: &mut surface,
@@ -70,7 +91,7 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
     };
     let mut metrics = Metrics::default();
     let mut work = CollisionLoop::default();
-    let resolution = work.resolve(&mut collisions, &mut proximity, &mut search, &mut paths, used, &mut metrics);
+    let resolution = work.resolve(&mut collisions, &mut proximity, &mut search, &mut paths, departure, &mut metrics);
     let nodes = surface.nodes();
     let mut refreshed = paths.end.clone();
     nodes.update(&mut refreshed);
@@ -84,12 +105,16 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
 }
 
 /// The outcome on one rank, which is checked to be that on several.
-fn check(random: &mut SplitMix64, mixed: bool, displacement: f64, may_give_back: bool) -> Outcome {
+fn check(random: &mut SplitMix64, mixed: bool, moves: Moves, may_give_back: bool) -> Outcome {
     let heap = Arc::new(Heap::random(random, mixed));
-    let alone = resolve(&heap, &Ranks::default(), &heap.cut(random, 1), displacement, may_give_back);
+    check_heap(random, heap, moves, may_give_back)
+}
+
+fn check_heap(random: &mut SplitMix64, heap: Arc<Heap>, moves: Moves, may_give_back: bool) -> Outcome {
+    let alone = resolve(&heap, &Ranks::default(), &heap.cut(random, 1), moves, may_give_back);
     for count in [2, 3, 5] {
         let (heap, starts) = (heap.clone(), heap.cut(random, count));
-        let found = on_ranks(count, move |ranks| resolve(&heap, &ranks, &starts, displacement, may_give_back));
+        let found = on_ranks(count, move |ranks| resolve(&heap, &ranks, &starts, moves, may_give_back));
         for rank in &found {
             assert_eq!((rank.flags, rank.counts), (alone.flags, alone.counts), "{count} ranks");
         }
@@ -105,9 +130,24 @@ fn check(random: &mut SplitMix64, mixed: bool, displacement: f64, may_give_back:
 fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
     let mut random = SplitMix64::new(51);
     for mixed in [false, true] {
-        let outcome = check(&mut random, mixed, 5.0, false);
+        let outcome = check(&mut random, mixed, Moves::all(5.0), false);
         assert!(outcome.counted("collision_hits") > 100 && outcome.counted("zones") > 0, "{:?}", outcome.counts);
         assert!(outcome.counted("swept_renewals") > 1, "ghosts come and go meanwhile");
+    }
+}
+
+#[test]
+fn searching_the_paths_of_few_nodes_finds_what_searching_all_paths_finds_on_any_number_of_ranks() {
+    let mut random = SplitMix64::new(54);
+    for mixed in [false, true] {
+        let heap = Arc::new(Heap::random(&mut random, mixed));
+        let few = Moves { usual: 0.05, some: 12.0, reach: 0.3 };
+        let outcome = check_heap(&mut random, heap.clone(), few, false);
+        assert!(outcome.counted("swept_renewals") > 0, "few nodes have left the list: {:?}", outcome.counts);
+        assert!(outcome.counted("collision_hits") > 10, "{:?}", outcome.counts);
+        let all = check_heap(&mut random, heap, Moves { reach: 0.01, ..few }, false);
+        assert_eq!(all.counted("swept_searches"), 1, "all nodes have left the list: {:?}", all.counts);
+        assert_eq!((outcome.ends, outcome.moved), (all.ends, all.moved));
     }
 }
 
@@ -115,7 +155,7 @@ fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
 fn large_zones_that_let_go_and_turn_give_the_same_bits_on_any_number_of_ranks() {
     let mut random = SplitMix64::new(52);
     for mixed in [false, true] {
-        let outcome = check(&mut random, mixed, 25.0, false);
+        let outcome = check(&mut random, mixed, Moves::all(25.0), false);
         assert!(["zones_large", "zones_rigid", "pairs_pinched"].iter().all(|name| outcome.counted(name) > 0));
         assert_eq!(outcome.flags, [true, true, false]);
     }
@@ -124,6 +164,6 @@ fn large_zones_that_let_go_and_turn_give_the_same_bits_on_any_number_of_ranks() 
 #[test]
 fn any_number_of_ranks_gives_back_what_is_hard() {
     let mut random = SplitMix64::new(53);
-    let outcome = check(&mut random, false, 25.0, true);
+    let outcome = check(&mut random, false, Moves::all(25.0), true);
     assert!(outcome.flags[2]);
 }

@@ -40,7 +40,7 @@ impl CloseTriangles {
             PairKind::EdgeEdge => up,
         };
         let start_distance = pair.closest(&at).apart.norm();
-        let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance };
+        let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance, axis: up };
         let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
         x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
         Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility, unrepelled: UnrepelledMotion::default() }
@@ -59,7 +59,18 @@ impl CloseTriangles {
         let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
         let displacements = &displacements;
         let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005, is_guess };
-        self.pair.force(&LAWS, &stage, |_| history)
+        let is_out_of_touch = self.pair.is_out_of_touch(&stage, self.pair.longest_damping_time(&stage));
+        let force = self.pair.force(&LAWS, &stage, |_| history);
+        assert!(!is_out_of_touch || force.is_none(), "a pair that was dismissed pushes: {force:?}");
+        force
+    }
+
+    fn is_out_of_touch(&self) -> bool {
+        let Self { surface, x, v, mobility, unrepelled, .. } = self;
+        let displacements: Vec<Vec3> = x.iter().zip(surface.rest()).map(|(x, rest)| x - rest).collect();
+        let displacements = &displacements;
+        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt: 0.005, is_guess: false };
+        self.pair.is_out_of_touch(&stage, self.pair.longest_damping_time(&stage))
     }
 
     /// Moves the upper triangle.
@@ -366,4 +377,23 @@ fn friction_counts_on_what_both_solves_before_bore_and_on_the_speed_at_the_begin
     assert!(after([push, -push], 10.0) < 1e-9 * whole, "what a solve has pulled at bears nothing");
     // It has slowed down from twice its speed: a damper that is Coulomb's friction there.
     assert!((after([push, push], 20.0) - 0.5 * whole).abs() < 1e-9 * whole);
+}
+
+#[test]
+fn pairs_that_are_out_of_touch_do_not_push() {
+    let mut random = SplitMix64::new(4);
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let [mut dismissed, mut pushing] = [0; 2];
+        for round in 0..20_000 {
+            let mut touching = CloseTriangles::new(kind);
+            touching.shift(Vec3::y() * (-0.041 + 1.5 * THICKNESS * random.signed().abs()));
+            let size = THICKNESS * [0.1, 0.5, 2.0][round % 3];
+            touching.x.iter_mut().for_each(|x| *x += random.vector() * size);
+            touching.v.iter_mut().for_each(|v| *v = random.vector() * [0.1, 1.0, 5.0][round / 3 % 3]);
+            let force = touching.force();
+            dismissed += u32::from(touching.is_out_of_touch());
+            pushing += u32::from(force.is_some());
+        }
+        assert!(dismissed > 1000 && pushing > 1000, "{kind:?}: {dismissed} dismissed, {pushing} push");
+    }
 }

@@ -68,6 +68,7 @@ impl Heap {
                         thickness: 0.5,
                         side,
                         start_distance: 0.5,
+                        axis: Vec3::x(),
                     });
                 }
             }

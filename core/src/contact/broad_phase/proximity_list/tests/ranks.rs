@@ -153,10 +153,10 @@ type Entry = (Pair, u32, u32, u64);
 struct Found {
     /// First own vertex, and the first that is not.
     own: [u32; 2],
-    /// Pairs held after two searches, kind after kind in the order of colours.
-    held: [Vec<Entry>; 2],
+    /// Pairs held after three searches, kind after kind in the order of colours.
+    held: Vec<Vec<Entry>>,
     /// Longest ways, after each.
-    used: [u64; 4],
+    used: Vec<u64>,
     /// Ways of own nodes.
     displacements: Vec<u64>,
     /// Pairs that may meet, from the list and along paths.
@@ -172,20 +172,21 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let corners = surface.nodes().ghosts().len();
     let mut search = PairSearch::new();
     let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
-    let (mut held, mut used) = ([Vec::new(), Vec::new()], Vec::new());
-    for time in [0, 1] {
+    let (mut held, mut used) = (Vec::new(), Vec::new());
+    for (time, reach, is_predicted) in [(0, 0.3, false), (0, 0.05, true), (1, 0.1, false)] {
         let mut x = heap.at(&surface, time);
-        proximity.rebuild(&mut surface, &mut search, &mut x, [0.3, 0.1][time], GAP);
+        let predicted = is_predicted.then(|| PredictedPaths { ends: heap.at(&surface, 1), duration: 2.0 });
+        proximity.rebuild(&mut surface, &mut search, &mut x, reach, GAP, predicted);
         assert_eq!(x, heap.at(&surface, time), "positions follow the ghosts");
         assert!(heap.agrees(&surface));
         let end = heap.at(&surface, 2);
-        used.push(proximity.update_displacements(&surface, &x, &x).to_bits());
-        used.push(proximity.update_displacements(&surface, &x, &end).to_bits());
+        used.push(proximity.update_displacements(&surface, [&x; 2].map(Vec::as_slice), [0.0; 2]).to_bits());
+        used.push(proximity.update_displacements(&surface, [&x, &end].map(Vec::as_slice), [0.0, 1.0]).to_bits());
         let entry = |n: &CandidatePair| {
             let pair = surface.nodes().numbered(&n.pair);
             (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
         };
-        held[time] = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
+        held.push(KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect());
     }
     let nodes = surface.nodes().clone();
     let displacements = nodes.own().map(|node| proximity.displacements[node].to_bits()).collect();
@@ -221,7 +222,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
         };
         KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect()
     };
-    assert_eq!(after, held[1]);
+    assert_eq!(Some(&after), held.last());
     let mut check = |time: usize, moved: Option<u32>| {
         let x = heap.at(&surface, time);
         search.refit(&surface, |i| Aabb::of_point(&x[i]));
@@ -234,7 +235,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let crossings = [check(0, None), check(2, None), check(2, Some(1))];
     assert!(ranks.is_alone() || surface.nodes().ghosts().len() >= corners);
     let own = [nodes_own(&surface, 0), nodes_own(&surface, 1)];
-    Found { own, held, used: [used[0], used[1], used[2], used[3]], displacements, close, swept, renewed, crossings }
+    Found { own, held, used, displacements, close, swept, renewed, crossings }
 }
 
 /// Sends every so manieth node elsewhere, and renews the search; a new one has to find the same.
@@ -280,7 +281,11 @@ fn any_number_of_ranks_finds_the_pairs_the_ways_and_the_crossings_of_one() {
             let (heap, starts) = (heap.clone(), heap.cut(&mut random, 1));
             on_ranks(1, move |ranks| search(&heap, &ranks, &starts)).remove(0)
         };
-        assert!(alone.held.iter().all(|list| list.len() > 300), "{:?} are close", alone.held.each_ref().map(Vec::len));
+        assert!(
+            alone.held.iter().all(|list| list.len() > 300),
+            "{:?} are close",
+            alone.held.iter().map(Vec::len).collect::<Vec<_>>()
+        );
         assert!(alone.crossings.iter().skip(1).all(|list| list.len() > 20) && alone.close.len() > 20);
         assert!(alone.crossings[1].len() > alone.crossings[2].len());
         for count in [2, 3, 5] {
