@@ -5,7 +5,7 @@
 //! bounds the distance now. Most pairs are dismissed by that bound alone (`docs/theory/self_contact.md#the-proximity-list`). Motion
 //! that all nodes have in common does not count.
 //!
-//! Where cloth moves too fast for a list to last, it is made for one collision step around the paths that the nodes are expected to take:
+//! A list of cloth that moves too fast for it to last is made for one collision step, around the paths that the nodes are expected to take:
 //! displacements are then those from these paths, and distances the least on them.
 //!
 //! Every rank that owns a node of a pair holds the pair, with the same entry.
@@ -51,9 +51,9 @@ pub(crate) enum PairOrder {
 /// Paths that the nodes are expected to take after a list is made.
 #[derive(Debug, Clone)]
 pub(crate) struct PredictedPaths {
-    /// Where they lead [m].
+    /// Ends of the paths [m].
     pub ends: Vec<Vec3>,
-    /// How long that takes [s].
+    /// Duration [s].
     pub duration: f64,
 }
 
@@ -384,7 +384,7 @@ fn own_nodes(surface: &ContactSurface) -> Range<u32> {
     own.start as u32..own.end as u32
 }
 
-/// Where the nodes would be at both ends of the paths noted last if they moved as expected.
+/// Positions of the nodes at both ends of the paths noted last if they moved as expected.
 struct Expected<'a> {
     reference: &'a [Vec3],
     predicted: Option<&'a PredictedPaths>,
@@ -408,7 +408,7 @@ struct Criterion<'a> {
     surface: &'a ContactSurface,
     /// Positions of the nodes [m].
     x: &'a [Vec3],
-    /// Where predicted paths lead from there [m].
+    /// Ends of predicted paths from there [m].
     ends: Option<&'a [Vec3]>,
     /// Measure of the reach of each node [m].
     measure: &'a [f64],

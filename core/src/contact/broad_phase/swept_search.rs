@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
 use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
-use crate::contact::topology::surface::{ContactSurface, NodePaths};
+use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
 

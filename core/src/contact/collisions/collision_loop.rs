@@ -25,8 +25,9 @@ use crate::contact::collisions::impact_zones::Collision;
 use crate::contact::collisions::response::{IMPULSE_ATTEMPTS, Kinematics, Response};
 use crate::contact::tolerances::OPEN_GAP;
 use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::pair::Pair;
-use crate::contact::topology::surface::{ContactSurface, NodePaths};
+use crate::contact::topology::surface::ContactSurface;
 use crate::metrics::Metrics;
 
 /// Attempts with impulses that are added where the usual ones did not do.
@@ -292,7 +293,7 @@ impl CollisionLoop {
     }
 }
 
-/// How far nodes have come from what the proximity list was made around.
+/// Departure of the nodes from what the proximity list was made around.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Departure {
     /// The longest way of a node as a share of its edges ([`ProximityList::update_displacements`]).

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
+use crate::Vec3;
 use crate::contact::topology::pair::Pair;
 use crate::parallel::ghosted_index::LocalVertices;
 use crate::parallel::halo::{GhostedArray, Halo};
@@ -201,5 +202,27 @@ impl IndexMap {
     /// Renumbers nodes in place; all are still known.
     pub(crate) fn renumber<'a>(&self, nodes: impl Iterator<Item = &'a mut u32>) {
         nodes.for_each(|node| *node = self.node(*node));
+    }
+}
+
+/// Positions of all nodes at both ends of a collision step.
+#[derive(Debug, Default)]
+pub(crate) struct NodePaths {
+    /// Positions of the nodes at the collision-free state [m].
+    pub start: Vec<Vec3>,
+    /// Current positions of the nodes [m].
+    pub end: Vec<Vec3>,
+}
+
+impl NodePaths {
+    /// Lays the paths out for other ghosts. Those that are new have none yet.
+    pub(crate) fn renumber(&mut self, renumber: &IndexMap) {
+        renumber.apply(&mut self.start, Vec3::zeros());
+        renumber.apply(&mut self.end, Vec3::zeros());
+    }
+
+    /// Brings the ghosts' paths to those of their owners. All ranks call it together.
+    pub(crate) fn refresh(&mut self, nodes: &ContactNodes) {
+        nodes.update_all(&mut [&mut self.start, &mut self.end]);
     }
 }

@@ -580,25 +580,3 @@ fn union(mut a: Vec<u32>, b: &[u32]) -> Vec<u32> {
     a.dedup();
     a
 }
-
-/// Positions of all nodes at both ends of a collision step.
-#[derive(Debug, Default)]
-pub(crate) struct NodePaths {
-    /// Positions of the nodes at the collision-free state [m].
-    pub start: Vec<Vec3>,
-    /// Current positions of the nodes [m].
-    pub end: Vec<Vec3>,
-}
-
-impl NodePaths {
-    /// Lays the paths out for other ghosts. Those that are new have none yet.
-    pub(crate) fn renumber(&mut self, renumber: &IndexMap) {
-        renumber.apply(&mut self.start, Vec3::zeros());
-        renumber.apply(&mut self.end, Vec3::zeros());
-    }
-
-    /// Brings the ghosts' paths to those of their owners. All ranks call it together.
-    pub(crate) fn refresh(&mut self, nodes: &ContactNodes) {
-        nodes.update_all(&mut [&mut self.start, &mut self.end]);
-    }
-}

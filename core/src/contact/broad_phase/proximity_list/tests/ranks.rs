@@ -5,7 +5,8 @@ use crate::contact::broad_phase::swept_search::{Inflation, SweptPairs};
 use crate::contact::intersections::exact::crossings;
 use crate::contact::testing::{below, on_ranks};
 use crate::contact::topology::cloth_surface::LocalClothSurface;
-use crate::contact::topology::surface::{BodyFaces, NodePaths};
+use crate::contact::topology::nodes::NodePaths;
+use crate::contact::topology::surface::BodyFaces;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
 
