@@ -315,7 +315,7 @@ def long_shot(folder):
     group.add([vertex.index for vertex in skirt.data.vertices if vertex.co.z > 119.0], 1.0, "REPLACE")
     mark(skirt, "GARMENT")
     bpy.ops.object.drapery_pin_add()
-    bpy.context.scene.frame_end = FIRST + 29
+    bpy.context.scene.frame_end = FIRST + 119
     bpy.ops.wm.save_mainfile()
     return skirt
 
@@ -433,7 +433,7 @@ def reopened(folder):
     bpy.ops.scene.drapery_load()
     skirt = bpy.data.objects["dress"]
     bpy.ops.object.select_all(action="DESELECT")
-    answer["positions"] = [shown(skirt, frame)[0] for frame in (FIRST, FIRST + 29)]
+    answer["positions"] = [shown(skirt, frame)[0] for frame in (FIRST, FIRST + 119)]
     skirt.data.vertices.add(1)
     bpy.ops.scene.drapery_load()
     answer["edited"] = said()

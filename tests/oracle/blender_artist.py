@@ -534,7 +534,7 @@ def local(name):
 def names():
     """The file or the scene gets another name while it is simulated; Undo while it is written and simulated."""
     answer = {}
-    shot(1, 100)
+    shot(1, 400)
     mark("GARMENT", panel("cloth", columns=40, rows=40))
     bpy.context.scene.drapery.folder = ""
     save()

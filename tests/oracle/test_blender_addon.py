@@ -248,7 +248,7 @@ def long_run(tmp_path_factory, drapery):
 
 def test_progress_has_frames_and_time_left(long_run):
     _, closed, _ = long_run
-    assert " of 30 frames, " in str(closed["headline"]) and str(closed["headline"]).endswith(" left")
+    assert " of 120 frames, " in str(closed["headline"]) and str(closed["headline"]).endswith(" left")
     assert 0.0 < closed["share"] < 1.0
 
 
@@ -261,13 +261,13 @@ def test_blender_may_be_closed_and_finds_the_simulation_again(long_run):
 
 def test_cancel_stops_at_a_checkpoint_and_continue_goes_on(long_run):
     _, _, reopened = long_run
-    assert str(reopened["cancelled"]).startswith("Stopped at a checkpoint: ") and reopened["frames_then"] < 30
+    assert str(reopened["cancelled"]).startswith("Stopped at a checkpoint: ") and reopened["frames_then"] < 120
 
 
 def test_a_killed_process_is_named_and_loses_nothing(long_run):
     _, _, reopened = long_run
     assert "killed" in str(reopened["killed"]) and "Continue resumes it" in str(reopened["killed"])
-    assert reopened["done"] == "Done: 30 of 30 frames" and not len(reopened["problems"])
+    assert reopened["done"] == "Done: 120 of 120 frames" and not len(reopened["problems"])
 
 
 def test_a_full_disk_is_named(long_run):
