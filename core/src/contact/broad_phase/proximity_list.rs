@@ -188,16 +188,13 @@ impl ProximityList {
             None => Vec3::zeros(),
         };
         let shift = self.predicted_shift;
-        let of_bodies = if self.predicted.is_some() { REACH_OF_BODIES } else { 1.0 };
-        let measure_of = |surface: &ContactSurface, i: usize| {
-            surface.edge_length()[i] * if surface.is_body(i as u32) { of_bodies } else { 1.0 }
-        };
+        let is_predicted = self.predicted.is_some();
         let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
             let bounds = ends.map_or_else(
                 || Aabb::of_point(&x[i]),
                 |predicted| Aabb::of_segment(&x[i], &(predicted.ends[i] - shift)),
             );
-            bounds.enlarged(ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, i) + gap)
+            bounds.enlarged(ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap)
         };
         let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
             for x in all {
@@ -213,7 +210,7 @@ impl ProximityList {
         }
         search.refit_ghosts(surface, |i| around(surface, x, predicted.as_deref(), i));
         let mut found: Vec<CandidatePair> = Vec::new();
-        let measure: Vec<f64> = (0..x.len()).map(|i| measure_of(surface, i)).collect();
+        let measure = measures(surface, is_predicted);
         let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
         let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(criterion.candidate(pair));
@@ -230,7 +227,7 @@ impl ProximityList {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
             self.orders = Order::of(self.lists.each_mut(), surface.nodes(), |n| n.pair.nodes);
         }
-        self.edge_length = (0..x.len()).map(|i| measure_of(surface, i)).collect();
+        self.edge_length = measures(surface, is_predicted);
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);
         self.centre = centre;
@@ -242,9 +239,7 @@ impl ProximityList {
     /// Lays everything out for other ghosts.
     pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
         renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
-        let of_bodies = if self.predicted.is_some() { REACH_OF_BODIES } else { 1.0 };
-        self.edge_length = surface.edge_length().to_vec();
-        self.edge_length[surface.nodes().cloth()..].iter_mut().for_each(|length| *length *= of_bodies);
+        self.edge_length = measures(surface, self.predicted.is_some());
         if let Some(predicted) = &mut self.predicted {
             renumber.apply(&mut predicted.ends, Vec3::zeros());
         }
@@ -376,6 +371,17 @@ impl ProximityList {
         let [a, b] = neighbour.pair.fold(&self.displacements, f64::max);
         f64::from(neighbour.distance) * self.shortening - a - b
     }
+}
+
+/// Measure of the reach of a node [m], in a list around predicted paths or in one that is to last.
+fn measure_of(surface: &ContactSurface, is_predicted: bool, node: usize) -> f64 {
+    let share = if is_predicted && surface.is_body(node as u32) { REACH_OF_BODIES } else { 1.0 };
+    surface.edge_length()[node] * share
+}
+
+/// The measures of all nodes [m].
+fn measures(surface: &ContactSurface, is_predicted: bool) -> Vec<f64> {
+    (0..surface.node_count()).map(|node| measure_of(surface, is_predicted, node)).collect()
 }
 
 /// Own nodes of cloth, in local numbers.

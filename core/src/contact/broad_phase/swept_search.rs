@@ -51,15 +51,7 @@ impl PairSearch {
         inflation: Inflation,
         found: &mut Vec<Pair>,
     ) -> Option<IndexMap> {
-        // What all do alike brings no two of them closer.
-        let shift = proximity.common_shift();
-        self.shift = shift;
-        self.refit(surface, |i| inflation.swept(surface, paths, &shift, i));
-        let renumber = self.import_ghosts(surface);
-        if let Some(renumber) = &renumber {
-            lay_out(renumber, surface, proximity, paths);
-        }
-        self.refit_ghosts(surface, |i| inflation.swept(surface, paths, &shift, i));
+        let renumber = self.fit_to_paths(surface, proximity, paths, inflation);
         self.pairs(surface, |pair, out| out.push(pair), found);
         renumber
     }
@@ -74,18 +66,33 @@ impl PairSearch {
         inflation: Inflation,
         SweptPairs { left, found }: SweptPairs<'_>,
     ) -> Option<IndexMap> {
+        let renumber = self.fit_to_paths(surface, proximity, paths, inflation);
+        if let Some(renumber) = &renumber {
+            renumber.apply(left, 0);
+            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
+        }
+        surface.nodes().update(left);
+        self.replace_pairs_of_marked(surface, left, found);
+        renumber
+    }
+
+    /// Fits all boxes and trees to the paths, those of ghosts too. Returns the new numbers of the nodes, unless nothing has changed.
+    fn fit_to_paths(
+        &mut self,
+        surface: &mut ContactSurface,
+        proximity: &mut ProximityList,
+        paths: &mut NodePaths,
+        inflation: Inflation,
+    ) -> Option<IndexMap> {
+        // What all do alike brings no two of them closer.
         let shift = proximity.common_shift();
         self.shift = shift;
         self.refit(surface, |i| inflation.swept(surface, paths, &shift, i));
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, proximity, paths);
-            renumber.apply(left, 0);
-            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
         }
-        surface.nodes().update(left);
         self.refit_ghosts(surface, |i| inflation.swept(surface, paths, &shift, i));
-        self.replace_pairs_of_marked(surface, left, found);
         renumber
     }
 

@@ -128,12 +128,12 @@ impl CollisionLoop {
         proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
-        Departure { mut used, beyond }: Departure,
+        mut departure: Departure,
         metrics: &mut Metrics,
     ) -> LoopOutcome {
         let ranks = collisions.surface.ranks().clone();
         let mut response = Response::default();
-        let mut source = CandidateSource::of(used, beyond, collisions.surface.nodes(), proximity);
+        let mut source = CandidateSource::of(departure, collisions.surface.nodes(), proximity);
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
         self.prepare(source, collisions, proximity, search, paths, metrics);
@@ -170,11 +170,11 @@ impl CollisionLoop {
             if ranks.any(!covered) {
                 let nodes = surface.nodes();
                 let moved = nodes.own().filter(|&node| self.moved[node] != 0);
-                used = ranks
-                    .max(moved.map(|node| proximity.update_displacement(node, &paths.end[node])).fold(used, f64::max));
+                let farthest = moved.map(|node| proximity.update_displacement(node, &paths.end[node]));
+                let used = ranks.max(farthest.fold(departure.used, f64::max));
                 proximity.exchange_displacements(nodes);
-                let beyond = proximity.count_beyond_skin(nodes, MARGIN);
-                source = CandidateSource::of(used, beyond, nodes, proximity).after(source);
+                departure = Departure::of(used, proximity, nodes);
+                source = CandidateSource::of(departure, nodes, proximity).after(source);
                 self.prepare(source, collisions, proximity, search, paths, metrics);
             }
             detected = self.detect(collisions, paths, &response);
@@ -329,7 +329,7 @@ enum CandidateSource {
 }
 
 impl CandidateSource {
-    fn of(used: f64, beyond: u64, nodes: &ContactNodes, proximity: &ProximityList) -> Self {
+    fn of(Departure { used, beyond }: Departure, nodes: &ContactNodes, proximity: &ProximityList) -> Self {
         let all = u64::from(nodes.global_cloth_count()) + (nodes.count() - nodes.cloth()) as u64;
         match used {
             _ if holds_all(proximity, used) => Self::ProximityList,

@@ -422,7 +422,8 @@ impl SelfContact {
         all
     }
 
-    /// Stops what would pass through something on the paths. The ghosts are those of before when it is done. Vertices that are `let_go` pass through bodies, and everything through parts that are deep inside others.
+    /// Stops what would pass through something on the paths. The ghosts are those of before when it is done. Vertices that are `let_go`
+    /// pass through bodies, and everything through parts that are deep inside others.
     fn resolve(
         &mut self,
         (bodies, let_go): (&Bodies, &[u32]),
