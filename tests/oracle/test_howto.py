@@ -93,9 +93,12 @@ def test_the_largest_strain_of_a_fabric_is_the_limit_of_its_edges(fabric, draped
     limit = float(said("materials", fabric).split("largest strain ")[1].split(" %")[0]) / 100
     stretched = np.array([strains(points, x[0], triangles) for points in x])
     over = (stretched > limit + 1e-4).mean()
-    report_figure(f"{fabric}: largest strain {100 * stretched.max():.2f} of {100 * limit:.1f} %, {100 * over:.3f} % of all edges above")
+    # A collision moves single vertices after the limit has acted.
+    but_few = np.quantile(stretched, 0.9999)
+    report_figure(f"{fabric}: largest strain {100 * stretched.max():.2f} of {100 * limit:.1f} %, of all edges but one in 10,000 "
+                  f"{100 * but_few:.2f} %, {100 * over:.3f} % of all edges above")  # fmt: skip
     assert run.garment("square")["strain_limit"]["limit"] == pytest.approx(limit)
-    assert 0.2 * limit < stretched.max() < 1.5 * limit and over < 1e-3
+    assert 0.2 * limit < but_few < 1.1 * limit and over < 1e-3
 
 
 def test_the_page_names_every_fabric_and_each_is_taken_by_its_name(tmp_path):
@@ -206,13 +209,13 @@ def test_air_that_stands_still_slows_the_cloth(flags, report_figure):
 
 
 def test_drag_along_the_cloth_smooths_fast_flutter(run_howto, report_figure):
-    """Mean acceleration of vertices in the last two seconds."""
+    """Mean acceleration of vertices over the six seconds of full wind: that of two differs by a fifth from run to run."""
     felt = {}
-    for drag in (0, 0.02, 0.1):
-        run = run_howto(f"{SAMPLES}/flag.toml", resolution=12, **{"wind.tangential": drag})
-        felt[drag] = np.linalg.norm(np.diff(run.positions("flag")[-48:], 2, axis=0) * 24**2, axis=2).mean()
+    for drag in (0, 0.1, 0.2):
+        run = run_howto(f"{SAMPLES}/flag.toml", "0-192", resolution=12, **{"shot.frames": "0-192", "wind.tangential": drag})
+        felt[drag] = np.linalg.norm(np.diff(run.positions("flag")[48:], 2, axis=0) * 24**2, axis=2).mean()
     report_figure(f"accelerations by tangential drag: {', '.join(f'{drag}: {a:.1f} m/s²' for drag, a in felt.items())}")
-    assert felt[0.1] < 0.9 * felt[0] and felt[0.02] < felt[0]
+    assert felt[0.2] < 0.7 * felt[0] and felt[0.2] < felt[0.1] < felt[0]
 
 
 # ---- houdini_maya
