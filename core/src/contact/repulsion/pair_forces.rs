@@ -296,7 +296,8 @@ impl OrientedPair {
     ///
     /// Let the distance be at least s along the axis, the nodes approach along it at c at most and move against each other at v at most. Where
     /// the normal is θ off the axis, the distance is at least s/cos θ, and the approach along the normal at most c cos θ + v sin θ. So
-    /// y ≤ H − s (1 + θ²/2) + τ c + τ v θ ≤ H − s + τ c + (τ v)²/2s. The approach is no more than v either.
+    /// y ≤ H − s (1 + θ²/2) + τ c + τ v θ ≤ H − s + τ c + (τ v)²/2s. The approach is no more than v either. τ is the damping time at the
+    /// distance s: the damper fades with the distance.
     #[inline]
     fn is_out_of_touch(&self, at: &PairStage<'_>, damping_time: f64) -> bool {
         let distance = self.distance_bound(at.displacements);
@@ -306,6 +307,7 @@ impl OrientedPair {
         if distance > LOOK_AHEAD * self.thickness {
             return true;
         }
+        let damping_time = damping_time * self.damped_share(distance).min(1.0);
         let approach = damping_time * self.largest_approach(at.v).max(0.0);
         let squared = damping_time * damping_time * self.largest_difference_squared(at.v);
         let room = distance - self.thickness;
@@ -330,11 +332,15 @@ impl OrientedPair {
         of_edge(a.min(b)) * of_edge(c.min(d)) * smooth_step(sine / PARALLEL_EDGES)
     }
 
+    /// Share of the damping time that is left at a distance [m]: above 1 within the thickness, 0 where pairs are no longer looked for.
+    fn damped_share(&self, distance: f64) -> f64 {
+        (LOOK_AHEAD - distance / self.thickness) / (LOOK_AHEAD - 1.0)
+    }
+
     /// Damping time at a distance [m] of a pair that has `whole` in touch [s], and minus the derivative of y by the distance where the sides
     /// move apart at `speed` [m/s]. A damper that ended at once where pairs are no longer looked for would come and go from round to round.
     fn damping(&self, whole: f64, distance: f64, speed: f64) -> (f64, f64) {
-        let rest = LOOK_AHEAD - distance / self.thickness;
-        let share = rest / (LOOK_AHEAD - 1.0);
+        let share = self.damped_share(distance);
         if share >= 1.0 {
             return (whole, 1.0);
         }

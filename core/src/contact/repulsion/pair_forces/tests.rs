@@ -388,8 +388,14 @@ fn pairs_that_are_out_of_touch_do_not_push() {
             let mut touching = CloseTriangles::new(kind);
             touching.shift(Vec3::y() * (-0.041 + 1.5 * THICKNESS * random.signed().abs()));
             let size = THICKNESS * [0.1, 0.5, 2.0][round % 3];
-            touching.x.iter_mut().for_each(|x| *x += random.vector() * size);
-            touching.v.iter_mut().for_each(|v| *v = random.vector() * [0.1, 1.0, 5.0][round / 3 % 3]);
+            let speed = [0.1, 1.0, 5.0][round / 3 % 3];
+            if round % 4 == 0 {
+                // Straight towards each other, where the bound is closest to the truth.
+                touching.throw(Vec3::y() * (speed * random.signed()));
+            } else {
+                touching.x.iter_mut().for_each(|x| *x += random.vector() * size);
+                touching.v.iter_mut().for_each(|v| *v = random.vector() * speed);
+            }
             let force = touching.force();
             dismissed += u32::from(touching.is_out_of_touch());
             pushing += u32::from(force.is_some());
