@@ -55,7 +55,8 @@ pub static RULES: [Rule; 27] = [
     Rule {
         name: "thickness_lowered",
         finds: "garments whose thickness is lowered because edges are short",
-        exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex. Silent \
+        exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex, whether the garment or a \
+                  `[[contact]]` between garments says their thickness. Silent \
                   if the scene sets `thickness_clamp`, or if at most one vertex in a hundred is affected. `plan` \
                   always notes it.",
         line: "thickness = \"0.8 mm\"",
@@ -143,10 +144,10 @@ pub static RULES: [Rule; 27] = [
     },
     Rule {
         name: "start_close",
-        finds: "garments of which many vertices start closer to a mesh body than its thickness, so that they are pushed out",
+        finds: "garments of which many vertices start closer to a body than its thickness, so that they are pushed out",
         exactly: "A garment is found if more than one in twenty of its vertices without a pin are closer than nine tenths of the thickness, \
                   and the closest is pushed by a millimetre or more. It is the thickness of the body, which is chosen automatically if the \
-                  scene sets none, or of a `[[contact]]`. Less thickness strains the garment less, but may let the body show through \
+                  scene sets none, or of a `[[contact]]` with the garment or a part of it. Less thickness strains the garment less, but may let the body show through \
                   coarse cloth, as `thin_body` tells. Where both matter, model the garment further off, or give it smaller faces.",
         line: "thickness = \"1.5 mm\"",
     },

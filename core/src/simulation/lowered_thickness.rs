@@ -1,9 +1,11 @@
-//! Garments in which short edges lower the thickness that repulsions keep, known when a simulation starts.
+//! Garments in which short edges lower the thickness that repulsions keep, their own or one by rule, known when a simulation starts.
+
+use std::collections::BTreeSet;
 
 use crate::effects::registry::PlannedEffect;
 use crate::effects::self_repulsion;
 use crate::mesh::TriangleMesh;
-use crate::scene::Scene;
+use crate::scene::{ContactSide, Scene};
 use crate::tolerances::THICKNESS_ROUNDING;
 
 /// A garment of which some vertices keep less than the thickness that was asked for.
@@ -11,11 +13,13 @@ use crate::tolerances::THICKNESS_ROUNDING;
 pub struct LoweredThickness {
     /// Name of the garment.
     pub garment: String,
-    /// Thickness of the garment [m].
+    /// The other side of the rule of contact that sets the thickness, in words; `None` for the garment's own thickness.
+    pub by_rule_with: Option<String>,
+    /// Thickness of the garment, or by the rule [m].
     pub asked: f64,
     /// The least that a vertex keeps of what it was to keep [m].
     pub least: f64,
-    /// Number of vertices that keep less than they were to, and of all vertices of the garment.
+    /// Number of vertices that keep less than they were to, and of all vertices of the garment, or of its part in the rule.
     pub vertices: [u64; 2],
 }
 
@@ -24,7 +28,10 @@ impl LoweredThickness {
     pub fn kept(&self) -> String {
         let Self { asked, least, vertices: [lowered, all], .. } = self;
         let (asked, least) = (1e3 * asked, 1e3 * least);
-        format!("{lowered} of {all} vertices keep less than the thickness of {asked:.3} mm, down to {least:.3} mm")
+        let by_rule = self.by_rule_with.as_ref().map_or(String::new(), |other| format!(" from {other}"));
+        format!(
+            "{lowered} of {all} vertices keep less than the thickness of {asked:.3} mm{by_rule}, down to {least:.3} mm"
+        )
     }
 }
 
@@ -40,7 +47,7 @@ pub(super) fn lowered_thickness(scene: &Scene, clamp: f64, plan: &mut [PlannedEf
 
 fn garments_below(scene: &Scene, clamp: f64) -> Vec<LoweredThickness> {
     let (parts, garments) = (scene.parts(), &scene.description().garments);
-    let of_garment = |(g, mesh): (usize, &TriangleMesh)| {
+    let of_garment = |(g, mesh): (usize, &TriangleMesh)| -> Vec<LoweredThickness> {
         let first = parts.garment(g).start;
         let is_own = |v: u32| parts.own().contains(&(first + v as usize));
         // Own vertices have all their edges here.
@@ -51,21 +58,42 @@ fn garments_below(scene: &Scene, clamp: f64) -> Vec<LoweredThickness> {
                 shortest[v as usize] = shortest[v as usize].min(length);
             }
         }
+        let count = |asked: f64, by_rule_with: Option<String>, of: &dyn Fn(usize) -> Option<f64>| {
+            let (mut lowered, mut least, mut all) = (0, f64::INFINITY, 0);
+            for (v, edge) in shortest.iter().enumerate().filter(|(v, _)| is_own(*v as u32)) {
+                let Some(wanted) = of(v) else { continue };
+                all += 1;
+                if clamp * edge < wanted * (1.0 - THICKNESS_ROUNDING) {
+                    (lowered, least) = (lowered + 1, least.min(clamp * edge));
+                }
+            }
+            let vertices = parts.ranks().sum_of([lowered, all]);
+            let least = -parts.ranks().max(-least);
+            LoweredThickness { garment: garments[g].name.clone(), by_rule_with, asked, least, vertices }
+        };
         let (asked, painted) = (garments[g].thickness, scene.painted(g, "thickness"));
-        let (mut lowered, mut least, mut all) = (0, f64::INFINITY, 0);
-        for (v, edge) in shortest.iter().enumerate().filter(|(v, _)| is_own(*v as u32)) {
-            all += 1;
-            let own = painted.map_or(asked, |map| map.at(v, asked));
-            if clamp * edge < own * (1.0 - THICKNESS_ROUNDING) {
-                (lowered, least) = (lowered + 1, least.min(clamp * edge));
+        let mut found = vec![count(asked, None, &|v| Some(painted.map_or(asked, |map| map.at(v, asked))))];
+        for rule in scene.description().contacts.iter().filter(|rule| rule.body().is_none()) {
+            let Some(asked) = rule.thickness else { continue };
+            let [one, other] = rule.between;
+            let sides = if one == other { vec![[one, other]] } else { vec![[one, other], [other, one]] };
+            for [side, other] in sides {
+                let part = match side {
+                    ContactSide::Garment(garment) if garment == g => None,
+                    ContactSide::Part(garment, part) if garment == g => garments[g].parts.values().nth(part),
+                    _ => continue,
+                };
+                let of_part: Option<BTreeSet<u32>> = part.map(|vertices| vertices.iter().copied().collect());
+                let number = |v: usize| parts.own_vertex(first + v).1;
+                let is_of_side = |v: usize| of_part.as_ref().is_none_or(|vertices| vertices.contains(&number(v)));
+                let other = scene.description().contact_side(other);
+                found.push(count(asked, Some(other), &|v| is_of_side(v).then_some(asked)));
             }
         }
-        let vertices = parts.ranks().sum_of([lowered, all]);
-        let least = -parts.ranks().max(-least);
-        LoweredThickness { garment: garments[g].name.clone(), asked, least, vertices }
+        found
     };
-    let all: Vec<_> = scene.meshes().iter().enumerate().map(of_garment).collect();
-    all.into_iter().filter(|garment| garment.vertices[0] > 0).collect()
+    let all = scene.meshes().iter().enumerate().flat_map(of_garment);
+    all.filter(|garment| garment.vertices[0] > 0).collect()
 }
 
 #[cfg(test)]
@@ -75,7 +103,7 @@ mod tests {
     use crate::mesh::PolygonMesh;
     use crate::parallel::local_ranks::LocalRanks;
     use crate::parallel::ranks::Ranks;
-    use crate::scene::{GarmentDescription, SceneDescription};
+    use crate::scene::{ContactRule, EffectRequest, GarmentDescription, SceneDescription};
 
     /// A strip of squares of 1 cm whose last ones are 2 mm long, so long that it has several parts.
     fn strip(thickness: f64) -> SceneDescription {
@@ -91,6 +119,34 @@ mod tests {
         description.garments.push(GarmentDescription::new("strip", mesh, 0.2));
         description.garments[0].thickness = thickness;
         description
+    }
+
+    #[test]
+    fn short_edges_lower_the_thickness_of_a_rule_for_its_sides_alone_as_any_ranks_say() {
+        for count in 1..4 {
+            let all = LocalRanks::run(count, 1, |communicator| {
+                let ranks = Ranks::new(communicator);
+                let described = || {
+                    let mut description = strip(0.0005);
+                    // The last vertices, whose edges are short, and some of the first.
+                    let vertices = (0..100).chain(2990..3002).collect();
+                    description.garments[0].parts.insert("end".into(), vertices);
+                    description.effects.push(EffectRequest::of_scene(self_repulsion::SPEC.name));
+                    let sides = [ContactSide::Part(0, 0), ContactSide::Garment(0)];
+                    description.contacts.push(ContactRule { thickness: Some(0.003), ..ContactRule::new(sides) });
+                    description
+                };
+                let description = ranks.is_first().then(described);
+                garments_below(&Scene::distribute(&ranks, description).expect("a sound scene"), 0.4)
+            });
+            for found in all.expect("no rank ends early") {
+                let kept: Vec<String> = found.iter().map(LoweredThickness::kept).collect();
+                let words = "vertices keep less than the thickness of 3.000 mm from";
+                let of_part = format!("12 of 112 {words} garment \"strip\", down to 0.800 mm");
+                let of_rest = format!("22 of 3002 {words} part \"end\" of garment \"strip\", down to 0.800 mm");
+                assert_eq!(kept, [of_part, of_rest], "{count} ranks");
+            }
+        }
     }
 
     #[test]

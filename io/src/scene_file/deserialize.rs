@@ -93,7 +93,7 @@ fn plain(expected: &str) -> String {
         "a sequence" => "a list in brackets".to_owned(),
         "a tuple of size 2" => "a pair [seconds, [x, y, z]]".to_owned(),
         "an array of length 3" => "three numbers".to_owned(),
-        "an array of length 2" => "two numbers".to_owned(),
+        "an array of length 2" => "a list of two".to_owned(),
         "struct variant" => format!("a table such as {REGION}"),
         other => match other.strip_prefix("struct ") {
             Some(name) => match EXAMPLES.iter().find(|(table, _)| *table == name) {

@@ -15,6 +15,7 @@ mod seam_gap;
 mod seam_lengths;
 mod seam_through_body;
 mod shape_units;
+mod solid;
 mod start_close;
 mod start_speed;
 mod start_state;

@@ -4,8 +4,9 @@ use drapery_core::Vec3;
 use drapery_core::effects::body_collision;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::geometry::surface_binding::SurfaceBinding;
-use drapery_core::scene::{BodyShape, ContactSide, RigidMotion, SeamDescription};
+use drapery_core::scene::{ContactSide, RigidMotion, SeamDescription};
 
+use super::solid::{Solid, in_frame_of, solids};
 use super::{Facts, Finding, bounds};
 
 /// Stitches of a longer seam that are looked at, evenly spaced.
@@ -26,12 +27,6 @@ struct Stitch {
     ends: [Vec3; 2],
 }
 
-/// A body at the start.
-enum Solid<'a> {
-    Mesh { triangles: &'a [[u32; 3]], positions: &'a [Vec3] },
-    Shape { shape: &'a Shape, motion: &'a RigidMotion },
-}
-
 /// The part of a stitch inside a body: its length, and the depth of its middle or deepest point [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Passage {
@@ -45,15 +40,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     }
     // Files that cannot be read are reported elsewhere.
     let Ok(input) = facts.inputs.at(facts.inputs.timeline.start) else { return Vec::new() };
-    let bodies = facts.scene.bodies.iter().zip(&input.bodies).enumerate();
-    let solids = bodies.filter_map(|(number, (body, samples))| match &body.shape {
-        BodyShape::Surface { triangles, point_count } => {
-            let sample = samples.last().filter(|sample| sample.positions.len() == *point_count)?;
-            Some((number, Solid::Mesh { triangles, positions: &sample.positions }))
-        }
-        BodyShape::Rigid(shape) => Some((number, Solid::Shape { shape, motion: &body.motion })),
-    });
-    let solids: Vec<(usize, Solid<'_>)> = solids.collect();
+    let solids = solids(facts, &input);
     let seams = facts.scene.seams.iter().enumerate().filter(|(_, seam)| !seam.keeps_gap);
     seams.flat_map(|(number, seam)| of_seam(facts, number, seam, &solids)).collect()
 }
@@ -116,8 +103,7 @@ fn passages(solid: &Solid<'_>, stitches: &[Stitch]) -> Vec<Option<Passage>> {
 
 /// Passage through a shape that stands where its path begins.
 fn through_shape(shape: &Shape, motion: &RigidMotion, stitch: &Stitch) -> Option<Passage> {
-    let origin = motion.path.first().map_or_else(Vec3::zeros, |(_, origin)| *origin);
-    let [a, b] = stitch.ends.map(|end| motion.rotation.inverse_transform_vector(&(end - origin)));
+    let [a, b] = stitch.ends.map(|end| in_frame_of(motion, &end));
     let depths = (0..SAMPLES).map(|k| -shape.distance(&a.lerp(&b, k as f64 / (SAMPLES - 1) as f64)));
     let inside: Vec<f64> = depths.filter(|depth| *depth > 0.0).collect();
     let length = inside.len() as f64 / (SAMPLES - 1) as f64 * (b - a).norm();

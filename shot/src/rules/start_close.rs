@@ -1,13 +1,13 @@
 //! Garments that start closer to a body than its thickness, and are pushed out.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use drapery_core::Vec3;
 use drapery_core::effects::body_collision;
-use drapery_core::geometry::surface_binding::SurfaceBinding;
-use drapery_core::scene::{BodyShape, ContactSide, PinTarget};
+use drapery_core::scene::{ContactRule, ContactSide, PinTarget};
 
-use super::{Facts, Finding, bounds};
+use super::solid::{Solid, solids};
+use super::{Facts, Finding};
 
 /// Distances from so much of the thickness on are far enough.
 const FAR_ENOUGH: f64 = 0.9;
@@ -18,11 +18,47 @@ const FEW: usize = 20;
 /// Push that nobody sees [m].
 const UNSEEN: f64 = 0.001;
 
-/// A body that is a mesh, at the start.
-struct Body<'a> {
-    number: usize,
-    triangles: &'a [[u32; 3]],
-    positions: &'a [Vec3],
+/// Distance that vertices of a garment keep from a body.
+struct KeptDistance {
+    /// Thickness of the body for the garment [m]; `None` where the two ignore each other.
+    whole: Option<Thickness>,
+    /// The same for vertices of parts of which a rule speaks.
+    of_parts: BTreeMap<u32, Option<Thickness>>,
+}
+
+/// A thickness [m], and whether a `[[contact]]` sets it.
+#[derive(Debug, Clone, Copy)]
+struct Thickness {
+    length: f64,
+    is_by_rule: bool,
+}
+
+impl KeptDistance {
+    fn new(facts: &Facts<'_>, garment: usize, body: usize) -> Self {
+        let with_body = |side| facts.scene.contact_rule(side, ContactSide::Body(body));
+        let whole_rule = with_body(ContactSide::Garment(garment));
+        let by_rule = |length| Thickness { length, is_by_rule: true };
+        let wider = whole_rule.and_then(|rule| rule.thickness).map(by_rule);
+        let written = wider.unwrap_or(Thickness { length: facts.scene.bodies[body].thickness, is_by_rule: false });
+        let of = |rule: &ContactRule| (!rule.ignore).then(|| rule.thickness.map_or(written, by_rule));
+        let mut of_parts = BTreeMap::new();
+        for (part, vertices) in facts.scene.garments[garment].parts.values().enumerate() {
+            if let Some(rule) = with_body(ContactSide::Part(garment, part)) {
+                of_parts.extend(vertices.iter().map(|vertex| (*vertex, of(rule))));
+            }
+        }
+        Self { whole: whole_rule.map_or(Some(written), of), of_parts }
+    }
+
+    /// Thickness for a vertex; `None` where it ignores the body.
+    fn of(&self, vertex: u32) -> Option<Thickness> {
+        self.of_parts.get(&vertex).copied().unwrap_or(self.whole)
+    }
+
+    fn largest(&self) -> f64 {
+        let all = self.of_parts.values().chain([&self.whole]).flatten();
+        all.fold(0.0, |largest, thickness| largest.max(thickness.length))
+    }
 }
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
@@ -31,22 +67,12 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     }
     // Files that cannot be read are reported elsewhere.
     let Ok(input) = facts.inputs.at(facts.inputs.timeline.start) else { return Vec::new() };
-    let bodies = facts.scene.bodies.iter().zip(&input.bodies).enumerate();
-    let meshes = bodies.filter_map(|(number, (body, samples))| match (&body.shape, samples.last()) {
-        (BodyShape::Surface { triangles, point_count }, Some(sample)) if sample.positions.len() == *point_count => {
-            Some(Body { number, triangles, positions: &sample.positions })
-        }
-        _ => None,
-    });
-    let meshes: Vec<Body<'_>> = meshes.collect();
-    if meshes.is_empty() {
-        return Vec::new();
-    }
+    let solids = solids(facts, &input);
     let garments =
         (0..facts.scene.garments.len()).filter_map(|garment| Some((garment, free_vertices(facts, garment)?)));
     garments
         .flat_map(|(garment, free)| {
-            meshes.iter().filter_map(|body| of_pair(facts, garment, &free, body)).collect::<Vec<_>>()
+            solids.iter().filter_map(|solid| of_pair(facts, garment, &free, solid)).collect::<Vec<_>>()
         })
         .collect()
 }
@@ -68,44 +94,45 @@ fn held_by(target: &PinTarget) -> Vec<u32> {
     }
 }
 
-fn of_pair(facts: &Facts<'_>, garment: usize, free: &[(u32, Vec3)], mesh: &Body<'_>) -> Option<Finding> {
-    let body = &facts.scene.bodies[mesh.number];
-    let rule = facts.scene.contact_rule(ContactSide::Garment(garment), ContactSide::Body(mesh.number));
-    if rule.is_some_and(|rule| rule.ignore) {
-        return None;
-    }
-    let of_rule = rule.and_then(|rule| rule.thickness);
-    let thickness = of_rule.unwrap_or(body.thickness);
-    let [low, high] = bounds(mesh.positions)?;
-    let limit = FAR_ENOUGH * thickness;
-    let is_near = |place: &Vec3| (0..3).all(|axis| (low[axis] - limit..=high[axis] + limit).contains(&place[axis]));
-    let (vertices, places): (Vec<u32>, Vec<Vec3>) = free.iter().copied().filter(|(_, place)| is_near(place)).unzip();
-    if places.len() * FEW <= free.len() || places.is_empty() {
-        return None;
-    }
-    let bound = SurfaceBinding::new(mesh.positions.to_vec(), mesh.triangles.to_vec(), &places, &[])?;
-    let close: Vec<(f64, u32)> = bound.distances().zip(vertices).filter(|(distance, _)| *distance < limit).collect();
-    let (closest, vertex) = close.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0))?;
+fn of_pair(
+    facts: &Facts<'_>,
+    garment: usize,
+    free: &[(u32, Vec3)],
+    (number, solid): &(usize, Solid<'_>),
+) -> Option<Finding> {
+    let body = &facts.scene.bodies[*number];
+    let kept = KeptDistance::new(facts, garment, *number);
+    let near = solid.close(free, FAR_ENOUGH * kept.largest()).into_iter();
+    let pushed = near.filter_map(|(vertex, distance)| Some((vertex, distance, kept.of(vertex)?)));
+    let close: Vec<(u32, f64, Thickness)> =
+        pushed.filter(|(_, distance, thickness)| *distance < FAR_ENOUGH * thickness.length).collect();
+    let push = |(_, distance, thickness): &(u32, f64, Thickness)| thickness.length - distance;
+    let farthest = close.iter().reduce(|most, other| if push(other) > push(most) { other } else { most })?;
+    let (vertex, closest, Thickness { length: thickness, is_by_rule }) = *farthest;
     if close.len() * FEW <= free.len() || thickness - closest < UNSEEN {
         return None;
     }
-    let found = facts.body_thickness.get(mesh.number).copied().flatten();
-    let because = match (of_rule, found) {
-        (Some(_), _) => "which its `[[contact]]` sets",
-        (None, Some(found)) if !found.is_written && found.needed == thickness => {
-            "chosen automatically for the size of the faces of body and garments"
+    let found = facts.body_thickness.get(*number).copied().flatten();
+    let because = match (is_by_rule, found) {
+        (true, _) => ", which its `[[contact]]` sets",
+        (false, Some(found)) if !found.is_written && found.needed == thickness => {
+            ", chosen automatically for the size of the faces of body and garments"
         }
-        (None, Some(found)) if !found.is_written => "the largest of the garments' materials",
-        _ => "which the scene sets",
+        (false, Some(found)) if !found.is_written => ", the largest of the garments' materials",
+        (false, Some(_)) => ", which the scene sets",
+        (false, None) => "",
+    };
+    let coarse = match solid {
+        Solid::Mesh { .. } => ", which the rule `thin_body` tells: finer faces need less",
+        Solid::Shape { .. } => ": finer faces need less",
     };
     let [close_enough, thickness_mm] = [closest, thickness].map(|length| length * 1e3);
     Some(Finding {
         object: format!("garment \"{}\", vertex {vertex}", facts.scene.garments[garment].name),
         message: format!(
-            "{} of its {} free vertices start closer to body \"{}\" than its thickness of {thickness_mm:.2} mm, {because}; this one is \
+            "{} of its {} free vertices start closer to body \"{}\" than its thickness of {thickness_mm:.2} mm{because}; this one is \
              closest, at {close_enough:.2} mm. Contact pushes them out, which strains the garment in the first frames: model it at least \
-             {thickness_mm:.2} mm off the body, or lower the thickness. Less thickness may let the body show through coarse cloth, \
-             which the rule `thin_body` tells: finer faces need less",
+             {thickness_mm:.2} mm off the body, or lower the thickness. Less thickness may let the body show through coarse cloth{coarse}",
             close.len(),
             free.len(),
             body.name

@@ -28,6 +28,7 @@ fn of_garment(found: &LoweredThickness) -> Finding {
         found.kept()
     );
     // Rounded down, so that what is written holds.
-    let line = format!("thickness = \"{} mm\"", (found.least * 1e6).floor() / 1e3);
+    let of_rule = if found.by_rule_with.is_some() { " in its [[contact]]" } else { "" };
+    let line = format!("thickness = \"{} mm\"{of_rule}", (found.least * 1e6).floor() / 1e3);
     Finding { object: format!("garment \"{}\"", found.garment), message, line }
 }

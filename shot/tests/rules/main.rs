@@ -256,20 +256,34 @@ fn a_frame_rate_other_than_that_of_the_file_is_told() {
 fn a_thickness_that_short_edges_lower_is_told_with_what_is_left() {
     // Edges of 1/12 m hold at most 0.4 of that: 33.333 mm.
     let thick = with("thickness = \"60 mm\"\n");
+    let by_rule = |thickness: &str| {
+        with(&format!("[[contact]]\nbetween = [\"sheet\", \"sheet\"]\nthickness = \"{thickness}\"\n"))
+    };
     rule(
         "thickness_lowered",
         without_file,
-        &[(
-            &thick,
-            &[
-                "garment \"sheet\": ",
-                " vertices keep less than the thickness of 60.000 mm, ",
-                "down to 33.333 mm",
-                "write thickness = \"33.333 mm\"",
-            ],
-        )],
+        &[
+            (
+                &thick,
+                &[
+                    "garment \"sheet\": ",
+                    " vertices keep less than the thickness of 60.000 mm, ",
+                    "down to 33.333 mm",
+                    "write thickness = \"33.333 mm\"",
+                ],
+            ),
+            (
+                &by_rule("2 m"),
+                &[
+                    "garment \"sheet\": ",
+                    "less than the thickness of 2000.000 mm from garment \"sheet\", down to 33.333 mm",
+                    "write thickness = \"33.333 mm\" in its [[contact]]",
+                ],
+            ),
+        ],
         &[
             SHEET,
+            &by_rule("33.3 mm"),
             &thick.replace("60 mm", "33.3 mm"),
             &thick.replace("[self_repulsion]\n", "[self_repulsion]\nthickness_clamp = 0.4\n"),
         ],

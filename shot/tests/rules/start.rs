@@ -104,6 +104,14 @@ fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_r
         let sheet = format!("resolution = 4, aspect = 1.0, side = 0.4, center = [0, {height}, 0]");
         SHEET.replace("resolution = 12, center = [5, 1, 0]", &sheet) + &HERO.replace("hero.abc", "hero.obj") + keys
     };
+    // The middle of the sheet is 1 mm above a ball. The nine vertices in its middle are a part.
+    let on_ball = |keys: &str| {
+        let sheet = "resolution = 4, aspect = 1.0, side = 0.4, center = [0, 0.251, 0]";
+        let part = "[[garment.part]]\nname = \"middle\"\nwhere = { box = { min = [-0.11, 0, -0.11], max = [0.11, 1, 0.11] } }\n";
+        let part = if keys.contains("sheet.middle") { part } else { "" };
+        SHEET.replace("resolution = 12, center = [5, 1, 0]", sheet) + part + BALL + keys
+    };
+    let rule_of = |object: &str, key: &str| format!("[[contact]]\nbetween = [\"{object}\", \"ball\"]\n{key}\n");
     let how = " of its 25 free vertices start closer to body \"hero\" than its thickness of ";
     rule(
         "start_close",
@@ -122,7 +130,22 @@ fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_r
                     "help: write thickness = \"",
                 ],
             ),
+            (
+                &on_ball("thickness = \"40 mm\"\n"),
+                &["start closer to body \"ball\"", "of 40.00 mm; this one", "need less"],
+            ),
+            (
+                &on_ball(&rule_of("sheet", "thickness = 2")),
+                &["vertex 12: 25 of", "2000.00 mm, which its `[[contact]]` sets"],
+            ),
+            (&on_ball(&rule_of("sheet.middle", "thickness = \"60 mm\"")), &["vertex 12: 9 of", "60.00 mm, which its"]),
         ],
-        &[&over("1.5", ""), &over("0.801", "[[contact]]\nbetween = [\"sheet\", \"hero\"]\nignore = true\n")],
+        &[
+            &over("1.5", ""),
+            &over("0.801", "[[contact]]\nbetween = [\"sheet\", \"hero\"]\nignore = true\n"),
+            &on_ball(""),
+            &on_ball(&("thickness = \"40 mm\"\n".to_owned() + &rule_of("sheet", "ignore = true"))),
+            &on_ball(&("thickness = \"5 mm\"\n".to_owned() + &rule_of("sheet.middle", "ignore = true"))),
+        ],
     );
 }
