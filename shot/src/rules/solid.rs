@@ -34,24 +34,28 @@ pub(super) fn in_frame_of(motion: &RigidMotion, place: &Vec3) -> Vec3 {
 }
 
 impl Solid<'_> {
-    /// Returns the places that are closer to the surface than `limit` [m], or inside a shape, each with its number and its distance from the
-    /// surface or shape [m].
-    pub(super) fn close(&self, places: &[(u32, Vec3)], limit: f64) -> Vec<(u32, f64)> {
+    /// Returns the places that may be closer to the body than `limit` [m], each with its number.
+    pub(super) fn near(&self, places: &[(u32, Vec3)], limit: f64) -> (Vec<u32>, Vec<Vec3>) {
+        let bounds = match self {
+            Self::Shape { .. } => return places.iter().copied().unzip(),
+            Self::Mesh { positions, .. } => bounds(positions),
+        };
+        let Some([low, high]) = bounds else { return Default::default() };
+        let is_near = |(_, place): &(u32, Vec3)| {
+            (0..3).all(|axis| (low[axis] - limit..=high[axis] + limit).contains(&place[axis]))
+        };
+        places.iter().copied().filter(is_near).unzip()
+    }
+
+    /// Returns the distance of each place from the surface of a mesh, or from a shape, in which it is zero [m].
+    pub(super) fn distances(&self, places: &[Vec3]) -> Vec<f64> {
         match self {
             Self::Shape { shape, motion } => {
-                let distances =
-                    places.iter().map(|(vertex, place)| (*vertex, shape.distance(&in_frame_of(motion, place))));
-                distances.filter(|(_, distance)| *distance < limit).map(|(vertex, d)| (vertex, d.max(0.0))).collect()
+                places.iter().map(|place| shape.distance(&in_frame_of(motion, place)).max(0.0)).collect()
             }
             Self::Mesh { triangles, positions } => {
-                let Some([low, high]) = bounds(positions) else { return Vec::new() };
-                let is_near = |(_, place): &(u32, Vec3)| {
-                    (0..3).all(|axis| (low[axis] - limit..=high[axis] + limit).contains(&place[axis]))
-                };
-                let (vertices, near): (Vec<u32>, Vec<Vec3>) = places.iter().copied().filter(is_near).unzip();
-                let bound = SurfaceBinding::new(positions.to_vec(), triangles.to_vec(), &near, &[]);
-                let distances = bound.iter().flat_map(SurfaceBinding::distances);
-                vertices.into_iter().zip(distances).filter(|(_, distance)| *distance < limit).collect()
+                let bound = SurfaceBinding::new(positions.to_vec(), triangles.to_vec(), places, &[]);
+                bound.iter().flat_map(SurfaceBinding::distances).collect()
             }
         }
     }

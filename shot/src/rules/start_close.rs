@@ -102,7 +102,12 @@ fn of_pair(
 ) -> Option<Finding> {
     let body = &facts.scene.bodies[*number];
     let kept = KeptDistance::new(facts, garment, *number);
-    let near = solid.close(free, FAR_ENOUGH * kept.largest()).into_iter();
+    let (vertices, places) = solid.near(free, FAR_ENOUGH * kept.largest());
+    // A tree over a mesh costs more than all else here.
+    if kept.largest() == 0.0 || places.len() * FEW <= free.len() {
+        return None;
+    }
+    let near = vertices.into_iter().zip(solid.distances(&places));
     let pushed = near.filter_map(|(vertex, distance)| Some((vertex, distance, kept.of(vertex)?)));
     let close: Vec<(u32, f64, Thickness)> =
         pushed.filter(|(_, distance, thickness)| *distance < FAR_ENOUGH * thickness.length).collect();
