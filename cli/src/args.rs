@@ -448,7 +448,8 @@ pub(crate) enum HardTier {
 
 /// Parser of the words of integrators in scenes.
 fn integrators() -> impl TypedValueParser<Value = Integrator> {
-    let words = Integrator::WORDS.iter().map(|word| PossibleValue::new(word.name).help(word.help));
+    let words = Integrator::ALL.iter().zip(Integrator::WORDS);
+    let words = words.map(|(integrator, word)| PossibleValue::new(integrator.word()).help(word.help));
     PossibleValuesParser::new(words).map(|word| Integrator::find(&word).expect("the parser knows these words alone"))
 }
 

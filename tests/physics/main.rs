@@ -9,6 +9,7 @@ mod elastic;
 mod fit;
 mod free_motion;
 mod friction;
+mod integrator_choice;
 mod listing;
 mod long_steps;
 mod maps;

@@ -34,6 +34,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
+use drapery_core::scene::Integrator;
 use drapery_io::atomic_file;
 use drapery_io::cache::APPLICATION;
 use drapery_io::error::IoError;
@@ -85,10 +86,11 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     let load = Machine::load();
     std::fs::create_dir_all(&options.out).map_err(|error| IoError::creating(&options.out, error))?;
     let lock = RunLock::take(&options.out, &Owner::this_process(), false, SystemTime::now())?;
-    let (mut study, ground) = begin(options, load, observer)?;
+    let scene = with_integrator(options)?;
+    let (mut study, ground) = begin(options, &scene, load, observer)?;
     let before = study.seconds;
     let bench = Bench {
-        scene: &options.scene,
+        scene: &scene,
         cancelled: &options.cancelled,
         size: study.scene.size,
         thickness: study.scene.thickness,
@@ -111,6 +113,19 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     Ok(study)
 }
 
+/// The scene with the integrator that the solver chooses for it, where it leaves the choice: a changed setting may not change it.
+fn with_integrator(options: &Options) -> Result<SceneSource, StudyError> {
+    let mut scene = options.scene.clone();
+    let file = scene.read().map_err(|error| StudyError::Scene(vec![error]))?;
+    let description = file.resolve().map_err(StudyError::Scene)?;
+    if description.scene.solver.integrator == Integrator::Auto {
+        let shot = Shot::prepare(description, options.asked.frames)?;
+        let chosen = shot.simulation().scene().description().solver.integrator;
+        scene.settings.push((vary::key_of(vary::INTEGRATOR), chosen.word().to_owned()));
+    }
+    Ok(scene)
+}
+
 /// Refuses what a scene does not take before anything runs; what somebody asked for is looked at more closely than what this
 /// program came up with.
 fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(), StudyError> {
@@ -124,17 +139,17 @@ fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(),
 }
 
 /// The record of the folder, or a new one, and what the choice of runs depends on.
-fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(Study, BaseSettings), StudyError> {
-    let bench = Bench {
-        scene: &options.scene,
-        cancelled: &options.cancelled,
-        size: 0.0,
-        thickness: 0.0,
-        threads: options.threads,
-    };
+fn begin(
+    options: &Options,
+    source: &SceneSource,
+    load: f64,
+    observer: &mut dyn Observer,
+) -> Result<(Study, BaseSettings), StudyError> {
+    let bench =
+        Bench { scene: source, cancelled: &options.cancelled, size: 0.0, thickness: 0.0, threads: options.threads };
     let file = sample::load(&bench, &RunRequest::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
-    let (mut scene, ground) = facts(options, &description)?;
+    let (mut scene, ground) = facts(options, source, &description)?;
     let ground = BaseSettings { resolution: file.number(vary::RESOLUTION), ..ground };
     let shot = Shot::prepare(description, options.asked.frames)?;
     shot.warnings().iter().for_each(|warning| observer.note(&warning.to_string()));
@@ -178,7 +193,11 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
 }
 
 /// Returns the facts of the scene for the record, and the settings on which the choice of runs depends.
-fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, BaseSettings), StudyError> {
+fn facts(
+    options: &Options,
+    source: &SceneSource,
+    description: &ShotDescription,
+) -> Result<(SceneFacts, BaseSettings), StudyError> {
     let scene = &description.scene;
     let mut points = Vec::new();
     for garment in &scene.garments {
@@ -192,9 +211,9 @@ fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts
     let mut effects: Vec<String> = scene.effects.iter().map(|request| request.effect.clone()).collect();
     effects.dedup();
     let facts = SceneFacts {
-        path: options.scene.path().map_or_else(|| description.name.clone(), |path| path.display().to_string()),
+        path: source.path().map_or_else(|| description.name.clone(), |path| path.display().to_string()),
         shot: description.name.clone(),
-        settings: options.scene.settings.clone(),
+        settings: source.settings.clone(),
         points: points.len() as u64,
         frames: description.frames,
         start: scene.timeline.start,

@@ -272,7 +272,7 @@ fn row_of(name: &str) -> Option<&'static Field> {
     SolverSettings::FIELDS.iter().chain([&PRESET]).find(|field| field.name == name)
 }
 
-fn key_of(name: &str) -> String {
+pub(super) fn key_of(name: &str) -> String {
     match row_of(name) {
         Some(row) => format!("{SOLVER}{}", row.name),
         None => SHORT_NAMES.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key).to_owned(),

@@ -18,6 +18,9 @@ choice! {
         /// Long steps: all that resists motion is implicit, so that stiffness does not limit the time step. Of second order,
         /// and stiff motion dies out.
         TrBdf2 = "tr_bdf2",
+        // `docs/theory/tr_bdf2.md#when-long-steps-pay`.
+        /// The one of these that is expected to take less time: chosen once, from the sizes and the stiffness of the scene.
+        Auto = "auto",
     }
 }
 
@@ -65,8 +68,8 @@ pub struct UnusedKey {
     pub limits_explicit_forces: bool,
 }
 
-/// Rows, in the order of [`Integrator`].
-static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
+/// Rows, in the order of [`Integrator::ALL`].
+static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
     IntegratorSpec {
         is_implicit: false,
         repulsion: RepulsionPlace::Impulses,
@@ -98,22 +101,27 @@ static SPECS: [IntegratorSpec; Integrator::WORDS.len()] = [
 ];
 
 impl Integrator {
-    /// All of them, in the order of their words.
-    pub const ALL: [Self; Self::WORDS.len()] = [Self::SemiImplicit, Self::TrBdf2];
+    /// All that a simulation can have, in the order of their words.
+    pub const ALL: [Self; 2] = [Self::SemiImplicit, Self::TrBdf2];
 
-    /// The row of this integrator.
+    /// The row of this integrator; of short steps for [`Integrator::Auto`], which a simulation replaces by its choice.
     pub fn spec(self) -> &'static IntegratorSpec {
-        &SPECS[self as usize]
+        match self {
+            Self::SemiImplicit | Self::Auto => &SPECS[0],
+            Self::TrBdf2 => &SPECS[1],
+        }
     }
 
     /// Keys of `[solver]` that have no effect with it; `has_explicit` says whether the scene has forces that stay explicit in long steps.
+    /// [`Integrator::Auto`] takes an integrator that reads them.
     pub fn unused_keys(self, has_explicit: bool) -> impl Iterator<Item = &'static UnusedKey> {
-        self.spec().unused.iter().filter(move |unused| !(unused.limits_explicit_forces && has_explicit))
+        let unused = if self == Self::Auto { &[] } else { self.spec().unused };
+        unused.iter().filter(move |unused| !(unused.limits_explicit_forces && has_explicit))
     }
 
     /// The integrator of a word.
     pub fn find(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|integrator| integrator.word() == word)
+        [Self::SemiImplicit, Self::TrBdf2, Self::Auto].into_iter().find(|integrator| integrator.word() == word)
     }
 
     /// Its word in a scene.

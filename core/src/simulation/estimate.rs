@@ -14,9 +14,11 @@
 //! Source of all numbers here: `make measure NAME=plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
 
 use super::Simulation;
+use crate::Vec3;
 use crate::effects::registry::{PlannedEffect, find};
 use crate::effects::spec::{NANOSECONDS, Need};
-use crate::scene::{BodyShape, Integrator, SolverSettings};
+use crate::scene::{BodyShape, Integrator, Scene, SolverSettings};
+use crate::solve::implicit_velocity::PartForces;
 use crate::time_step::StepLimit;
 use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
 
@@ -108,9 +110,31 @@ struct Sizes {
     surfaces: f64,
 }
 
+/// The parts of a simulation that the cost of its frames follows from.
+pub(super) struct CostModel<'a> {
+    pub scene: &'a Scene,
+    pub plan: &'a [PlannedEffect],
+    pub forces: &'a PartForces,
+    /// Velocities of the local vertices [m/s].
+    pub velocities: &'a [Vec3],
+}
+
 impl Simulation {
-    /// Returns the expected cost of a frame.
+    /// Returns the expected cost of a frame. All ranks call it together.
     pub fn estimate(&self) -> FrameEstimate {
+        self.estimate_with(self.scene.description().solver.integrator)
+    }
+
+    /// Returns the cost of a frame that is expected of the scene with another integrator. All ranks call it together.
+    pub fn estimate_with(&self, integrator: Integrator) -> FrameEstimate {
+        let Self { scene, plan, dynamics, cloth, .. } = self;
+        CostModel { scene, plan, forces: &dynamics.forces, velocities: &cloth.state.v }.estimate(integrator)
+    }
+}
+
+impl CostModel<'_> {
+    /// Returns the expected cost of a frame with an integrator. All ranks call it together, and find the same.
+    pub(super) fn estimate(&self, integrator: Integrator) -> FrameEstimate {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
         let sizes = self.sizes();
@@ -119,11 +143,13 @@ impl Simulation {
         // Wind folds cloth, pins alone let it hang.
         let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
         let in_contact = has(Need::Bodies) || (repels && (description.garments.len() > 1 || is_blown));
-        let steps = self.planned_steps().steps;
-        let is_implicit = description.solver.integrator.spec().is_implicit;
+        let longest = self.limit(integrator).longest(&description.solver, 1.0);
+        let steps = (frame / longest).ceil().max(1.0);
+        let is_implicit = integrator.spec().is_implicit;
         let counts = if is_implicit { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
         let [solves, iterations] = counts;
-        let speed = self.cloth.state.v.iter().map(|v| v.norm()).fold(SPEED, f64::max);
+        let largest_speed = self.velocities.iter().map(|v| v.norm()).fold(SPEED, f64::max);
+        let speed = self.scene.parts().ranks().max(largest_speed);
         let moved = frame * speed / (SHARE_OF_EDGE * self.scene.mean_edge());
         let least = steps / self.most_steps_between_collisions();
         let collision_steps = if repels { moved.max(least).clamp(1.0, steps.max(1.0)) } else { 0.0 };
@@ -139,6 +165,13 @@ impl Simulation {
         let seconds = nanoseconds.map(|nanoseconds| nanoseconds / NANOSECONDS);
         let is_least = is_implicit && in_contact;
         FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds, is_least }
+    }
+
+    /// Limits of the steps that an integrator takes.
+    fn limit(&self, integrator: Integrator) -> StepLimit {
+        let (description, parts) = (self.scene.description(), self.scene.parts());
+        let solver = SolverSettings { integrator, ..description.solver.clone() };
+        StepLimit::new(parts, self.scene.masses(), self.forces, &solver, description.timeline.frame_duration())
     }
 
     /// Solves and iterations of so many long steps.
@@ -159,7 +192,7 @@ impl Simulation {
     fn short_solves(&self, steps: f64) -> [f64; 2] {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
-        let share = frame / steps / self.limit.elastic.min(frame);
+        let share = frame / steps / self.spring_step();
         let condition = DAMPING_CONDITION * self.damping_ratio() * description.solver.cfl / 4.0 * share;
         let solves = 2.0 * steps;
         [solves, solves * DAMPING_ITERATIONS * (1.0 + condition).sqrt()]
@@ -174,20 +207,29 @@ impl Simulation {
         let surfaces: Vec<f64> = bodies.iter().filter_map(|body| of_surface(&body.shape)).collect();
         Sizes {
             vertices: self.scene.parts().partition().vertex_count() as f64,
-            triangles: self.scene.meshes().iter().map(|mesh| mesh.triangles().len() as f64).sum(),
+            triangles: self.triangle_count(),
             surface_triangles: surfaces.iter().sum(),
             shapes: (bodies.len() - surfaces.len()) as f64,
             surfaces: surfaces.len() as f64,
         }
     }
 
+    /// Triangles of all garments, on all ranks.
+    fn triangle_count(&self) -> f64 {
+        let parts = self.scene.parts();
+        // A rank has the triangles around its own vertices, so that each corner is counted by one rank.
+        let corners = self.scene.meshes().iter().enumerate().flat_map(|(garment, mesh)| {
+            let first = parts.garment(garment).start;
+            mesh.triangles().iter().flatten().map(move |corner| first + *corner as usize)
+        });
+        let own = corners.filter(|vertex| parts.own().contains(vertex)).count() as u64;
+        let [all] = parts.ranks().sum_of([own]);
+        (all / 3) as f64
+    }
+
     /// Longest step that elastic forces would allow if all of them were explicit [s], at most a frame.
     fn spring_step(&self) -> f64 {
-        let (description, parts) = (self.scene.description(), self.scene.parts());
-        let explicit = SolverSettings { integrator: Integrator::SemiImplicit, ..description.solver.clone() };
-        let frame = description.timeline.frame_duration();
-        let limit = StepLimit::new(parts, self.scene.masses(), &self.dynamics.forces, &explicit, frame);
-        limit.elastic.min(frame)
+        self.limit(Integrator::SemiImplicit).elastic.min(self.scene.description().timeline.frame_duration())
     }
 
     /// The largest number of time steps in a collision step.

@@ -15,7 +15,7 @@ use crate::observe::Observer;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
@@ -31,6 +31,7 @@ mod cost;
 mod estimate;
 pub(crate) mod frame_io;
 mod frame_summary;
+mod integrator_choice;
 mod load_balance;
 mod lowered_thickness;
 mod numbers;
@@ -49,6 +50,7 @@ pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
 pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
 pub use frame_summary::{BrokenHold, HoldOwner};
+use integrator_choice::choose_integrator;
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
@@ -292,7 +294,10 @@ impl Simulation {
     }
 
     /// The simulation with the cloth as the scene starts it, and bodies and tracks where `start` has them.
-    fn build(scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
+    fn build(mut scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
+        if scene.description().solver.integrator == Integrator::Auto {
+            choose_integrator(Arc::make_mut(&mut scene))?;
+        }
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;

@@ -137,6 +137,7 @@ impl<'a> Step<'a> {
         match integrator {
             Integrator::TrBdf2 => &Self::TR_BDF2_LISTING,
             Integrator::SemiImplicit => &Self::LISTING,
+            Integrator::Auto => unreachable!("a simulation chooses its integrator when it is made"),
         }
     }
 

@@ -165,6 +165,7 @@ impl Shot {
             "threads": threads,
             "ranks": self.remote_simulation.ranks().count(),
             "origin": <[f64; 3]>::from(self.origin()),
+            "integrator": self.simulation().scene().description().solver.integrator.word(),
             "effects": self.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
         })
     }

@@ -2,7 +2,7 @@
 
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::effects::{Need, PlannedEffect, find};
-use drapery_core::scene::SceneDescription;
+use drapery_core::scene::{Integrator, SceneDescription};
 use drapery_core::settings::{Origin, SettingValue};
 use drapery_core::simulation::{FrameEstimate, PARTS_OF_A_FRAME, PlannedSteps, Simulation};
 use serde_json::{Value, json};
@@ -44,6 +44,7 @@ pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     }
     let vertices = simulation.scene().parts().partition().vertex_count();
     text += &format!("  time integration\n    {vertices} vertices{}\n", share(|frame, _| frame.method, 0));
+    text += &integrator_text(simulation);
     for name in &simulation.scene().description().left_out {
         text += &format!("  without {name}: left out of this run, although the scene asks for it\n");
     }
@@ -54,6 +55,18 @@ pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
         text += &format!("  {}: for {}\n", word(need), users.join(", "));
     }
     text
+}
+
+/// Returns the integrator of a simulation, and the expected cost of a frame with the other one, as text.
+fn integrator_text(simulation: &Simulation) -> String {
+    let integrator = simulation.scene().description().solver.integrator;
+    let expected = |integrator: &Integrator| {
+        let estimate = simulation.estimate_with(*integrator);
+        let least = if estimate.is_least { "at least " } else { "" };
+        format!("{least}{} CPU seconds a frame expected with `{}`", about(estimate.total()), integrator.word())
+    };
+    let expected: Vec<String> = Integrator::ALL.iter().map(expected).collect();
+    format!("    integrator `{}`; {}\n", integrator.word(), expected.join(", "))
 }
 
 /// Returns the cost of a frame as text: measured, or as far as it is known beforehand.
@@ -215,6 +228,11 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
             "estimate": estimate_json(&simulation.estimate()),
             "from": costs.map_or_else(|| format!("at least, required by {}", planned.because), Costs::how),
         },
+        "integrator": simulation.scene().description().solver.integrator.word(),
+        "expected_seconds": Integrator::ALL
+            .map(|integrator| (integrator.word(), simulation.estimate_with(integrator).total()))
+            .into_iter()
+            .collect::<std::collections::BTreeMap<_, _>>(),
     })
 }
 

@@ -18,7 +18,7 @@ use crate::scene::{
 use crate::settings::SettingValue;
 
 codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
-codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2 });
+codec!(enum Integrator { 0 => SemiImplicit, 1 => TrBdf2, 2 => Auto });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
 codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, rest_scale, layer, parts, maps, map_curves });

@@ -4,7 +4,7 @@
 mod contacts;
 mod curves;
 mod maps_and_seams;
-pub(super) mod unused;
+pub(crate) mod unused;
 
 use std::collections::BTreeSet;
 use std::ops::Range;

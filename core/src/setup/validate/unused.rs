@@ -11,7 +11,7 @@ pub fn unused_keys(description: &SceneDescription) -> impl Iterator<Item = &'sta
 }
 
 /// Refuses values that differ from their defaults and that nothing reads, each by name.
-pub(super) fn check_unused(description: &SceneDescription, problems: &mut Vec<Problem>) {
+pub(crate) fn check_unused(description: &SceneDescription, problems: &mut Vec<Problem>) {
     let integrator = description.solver.integrator;
     let [written, defaults] = [&description.solver, &SolverSettings::default()].map(Described::written);
     for UnusedKey { key, because, instead, .. } in unused_keys(description) {

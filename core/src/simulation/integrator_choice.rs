@@ -1,0 +1,63 @@
+//! Choice of the integrator in scenes that leave it to the solver (`docs/theory/tr_bdf2.md#when-long-steps-pay`).
+
+use super::estimate::{CostModel, FrameEstimate};
+use crate::effects::registry::{PlannedEffect, build_all};
+use crate::effects::spec::Effect;
+use crate::error::{Problem, Problems};
+use crate::scene::{Integrator, Scene};
+use crate::setup::validate::unused::check_unused;
+use crate::state::State;
+
+/// Expected time of short steps over that of long ones in contact from which on long ones are taken: the latter is the least that they
+/// take.
+const GAIN_IN_CONTACT: f64 = 1.25;
+
+/// Gives a scene the integrator that is expected to take less time, among those that read everything the scene says. Sizes and stiffness
+/// decide, never the clock. All ranks call it together, and choose the same.
+///
+/// # Errors
+/// No integrator can have this scene: the problems with the one that has fewer.
+pub(super) fn choose_integrator(scene: &mut Scene) -> Result<(), Problems> {
+    let [short, long] = Integrator::ALL.map(|integrator| {
+        scene.description.solver.integrator = integrator;
+        expected(scene)
+    });
+    let takes_long = match (short, long) {
+        (Ok(short), Ok(long)) => {
+            let gain = if long.is_least { GAIN_IN_CONTACT } else { 1.0 };
+            short.total() >= gain * long.total()
+        }
+        (Err(_), Ok(_)) => true,
+        (Ok(_), Err(_)) => false,
+        (Err(short), Err(long)) => return Err(Problems(if long.len() < short.len() { long } else { short })),
+    };
+    scene.description.solver.integrator = Integrator::ALL[usize::from(takes_long)];
+    Ok(())
+}
+
+/// Returns the expected cost of a frame with the integrator of the scene.
+///
+/// # Errors
+/// The scene cannot have this integrator, or has other problems.
+fn expected(scene: &Scene) -> Result<FrameEstimate, Vec<Problem>> {
+    let mut problems = Vec::new();
+    check_unused(scene.description(), &mut problems);
+    match build_all(scene) {
+        Ok(effects) if problems.is_empty() => Ok(estimate(scene, effects)),
+        Ok(_) => Err(problems),
+        Err(Problems(found)) => Err([problems, found].concat()),
+    }
+}
+
+fn estimate(scene: &Scene, effects: Vec<(PlannedEffect, Effect)>) -> FrameEstimate {
+    let parts = scene.parts();
+    let (mut forces, mut plan) = ((0..parts.count()).map(|_| Vec::new()).collect::<Vec<_>>(), Vec::new());
+    for (planned, effect) in effects {
+        let [elements] = parts.ranks().sum_of([planned.elements as u64]);
+        plan.push(PlannedEffect { elements: elements as usize, ..planned });
+        effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
+    }
+    let State { v: velocities, .. } = State::at_start(scene);
+    let model = CostModel { scene, plan: &plan, forces: &forces, velocities: &velocities };
+    model.estimate(scene.description().solver.integrator)
+}

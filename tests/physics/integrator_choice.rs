@@ -1,0 +1,90 @@
+//! The integrator of scenes that leave it to the solver (`docs/theory/tr_bdf2.md#when-long-steps-pay`).
+
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{Integrator, Scene, SceneDescription};
+use drapery_core::simulation::{FrameInput, Simulation};
+use drapery_tests::*;
+
+/// A hung sheet of 800 triangles with springs of this stiffness [N/m], with the choice left to the solver.
+fn hung(stiffness: f64) -> SceneDescription {
+    let mut description = cloth(20, 0.02, stiffness);
+    add_pins(&mut description, vec![0, 20]);
+    description.solver.integrator = Integrator::Auto;
+    description
+}
+
+fn chosen(description: SceneDescription) -> Integrator {
+    start(description).scene().description().solver.integrator
+}
+
+fn problems(description: SceneDescription) -> String {
+    let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+    Simulation::new(scene, &FrameInput::to_frame(0)).err().expect("no integrator reads all of it").to_string()
+}
+
+#[test]
+fn stiff_cloth_gets_long_steps_and_soft_cloth_short_ones() {
+    for (stiffness, expected) in [(2.0, Integrator::SemiImplicit), (2000.0, Integrator::TrBdf2)] {
+        let simulation = start(hung(stiffness));
+        let [short, long] = Integrator::ALL.map(|integrator| simulation.estimate_with(integrator).total());
+        assert_eq!(simulation.scene().description().solver.integrator, expected, "{stiffness}: {short} s, {long} s");
+        assert_eq!(long < short, expected == Integrator::TrBdf2);
+    }
+}
+
+#[test]
+fn keys_and_effects_that_one_integrator_alone_reads_choose_it() {
+    let with = |stiffness: f64, change: &dyn Fn(&mut SceneDescription)| {
+        let mut description = hung(stiffness);
+        change(&mut description);
+        description
+    };
+    let cfl = |description: &mut SceneDescription| description.solver.cfl = 2.0;
+    let steps = |description: &mut SceneDescription| description.solver.steps_per_frame = 16;
+    let curve = |description: &mut SceneDescription| {
+        let springs = description.effects.iter_mut().find(|request| request.effect == "stretch").expect("springs");
+        *springs = springs.clone().with("extension", 0.1).with("load", 100.0);
+    };
+    assert_eq!(chosen(with(2000.0, &cfl)), Integrator::SemiImplicit);
+    assert_eq!(chosen(with(2.0, &steps)), Integrator::TrBdf2);
+    assert_eq!(chosen(with(2.0, &curve)), Integrator::TrBdf2);
+    let both = problems(with(2.0, &|description| {
+        cfl(description);
+        steps(description);
+    }));
+    assert!(both.contains("has no effect with"), "{both}");
+    let both = problems(with(2.0, &|description| {
+        cfl(description);
+        curve(description);
+    }));
+    assert!(both.contains("`cfl` has no effect with") || both.contains("`extension` asks"), "{both}");
+}
+
+#[test]
+fn every_number_of_ranks_chooses_the_same_and_moves_as_with_the_choice_written_out() {
+    let on = |ranks: usize, description: &SceneDescription| {
+        let work = |communicator| {
+            let ranks = Ranks::new(communicator);
+            let scene =
+                Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+            let input = |scene: &Scene, frame| scene.share_input(ranks.is_first().then(|| FrameInput::to_frame(frame)));
+            let start = input(&scene, 0);
+            let mut simulation = Simulation::new(scene, &start).expect("a start");
+            let expected = Integrator::ALL.map(|integrator| simulation.estimate_with(integrator).total().to_bits());
+            let next = input(simulation.scene(), 1);
+            simulation.advance(&next).expect("a frame");
+            (simulation.scene().description().solver.integrator, expected, simulation.snapshot())
+        };
+        LocalRanks::run(ranks, 1, work).unwrap_or_else(|e| panic!("{ranks} ranks: {e}"))
+    };
+    for stiffness in [2.0, 2000.0] {
+        let mut description = hung(stiffness);
+        let alone = on(1, &description).remove(0);
+        for (integrator, expected, _) in on(3, &description) {
+            assert_eq!((integrator, expected), (alone.0, alone.1), "{stiffness}");
+        }
+        description.solver.integrator = alone.0;
+        assert!(on(2, &description)[0].2 == alone.2, "{stiffness}");
+    }
+}
