@@ -27,6 +27,7 @@ pub(super) fn fill(
     folders: &[PathBuf],
 ) -> Result<(Vec<Option<Fabric>>, Vec<PathBuf>), SceneFileError> {
     fill_solver(root);
+    fill_integrator(root);
     let (used, files) = fill_materials(root, sources, folders)?;
     pair_friction::fill(root, &used);
     fill_bodies(root, &used);
@@ -54,11 +55,24 @@ fn fill_solver(root: &mut Node) {
     };
     let origin = Origin::Preset(name);
     let written = table.get("integrator").and_then(Node::as_text).and_then(Integrator::find);
-    let unused = written.unwrap_or(preset.integrator).spec().unused;
-    let is_unused = |key: &str| unused.iter().any(|unused| unused.key == key);
+    let integrator = written.unwrap_or(preset.integrator);
+    let is_unused = |key: &str| integrator.unused_keys(false).any(|unused| unused.key == key);
     for (key, value) in preset.written().into_iter().filter(|(key, _)| !is_unused(key)) {
         table.fill(&key, as_written(value), &place, origin.clone());
     }
+}
+
+/// Leaves the integrator to the solver where a garment has a material and nothing else says it.
+fn fill_integrator(root: &mut Node) {
+    let place = root.place.clone();
+    let Some(table) = root.as_table_mut() else { return };
+    let Some(Node { value: Value::Array(garments), .. }) = table.get("garment") else { return };
+    let material = |garment: &Node| garment.as_table()?.get("material")?.as_text().map(str::to_owned);
+    let Some(material) = garments.iter().find_map(material) else { return };
+    table.fill("solver", Value::Table(Table::default()), &place, Origin::Default);
+    let Some(Node { value: Value::Table(solver), place, .. }) = table.get_mut("solver") else { return };
+    let auto = Value::Text(Integrator::Auto.word().to_owned());
+    solver.fill("integrator", auto, place, Origin::Material(material));
 }
 
 /// A value of a preset as a scene would write it.
@@ -78,13 +92,13 @@ type Used = (Vec<Option<Cow<'static, Material>>>, Vec<PathBuf>);
 fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
     let (mut used, mut files) = (Vec::new(), Vec::new());
     let integrator = root.as_table().and_then(|t| t.get("solver")?.as_table()?.get("integrator")?.as_text());
-    let long_steps = integrator.and_then(Integrator::find).is_some_and(|integrator| integrator.spec().is_implicit);
+    let short_steps = integrator.and_then(Integrator::find).is_none_or(|found| found == Integrator::SemiImplicit);
     let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
     else {
         return Ok((used, files));
     };
     for garment in garments {
-        used.push(fill_from_material(garment, sources, (folders, long_steps), &mut files)?);
+        used.push(fill_from_material(garment, sources, (folders, !short_steps), &mut files)?);
     }
     Ok((used, files))
 }
