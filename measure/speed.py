@@ -4,10 +4,11 @@ import math
 
 from measure.page import Table
 from measure.runs import LONG, SHORT, TODAY, against, alternating, plan, run
-from measure.scenes import (cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, twisted, woman)
+from measure.scenes import TESTS, cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, sample, twisted, woman
 
 PAGE = "dev/measurements/speed.md"
 PREVIEW = ('solver.preset="preview"',)
+AUTO = ('solver.integrator="auto"',)
 # Cells a side by triangles: 2 n².
 CELLS = {5_000: 50, 20_000: 100, 80_000: 200}
 
@@ -94,6 +95,22 @@ def iterations(factor, bar):
     return measure
 
 
+def chosen(make, frames):
+    """Both integrators beside the one that `integrator = "auto"` takes, and what it expects."""
+
+    def measure():
+        planned = plan(make(), AUTO)
+        short, long = (run(make(), frames, settings) for settings in (SHORT, LONG))
+        costs = {"semi_implicit": short.a_frame(), "tr_bdf2": long.a_frame()}
+        expected = planned["expected_seconds"]["semi_implicit"] / planned["expected_seconds"]["tr_bdf2"]
+        is_right = planned["integrator"] == min(costs, key=costs.get)
+        counted = [f"{each.steps / len(each.frames):.0f}" for each in (short, long)]
+        return [len(short.frames), " / ".join(counted), *map(seconds, costs.values()), f"{expected:.2f}",
+                f"{short.a_frame() / long.a_frame():.2f}", f"`{planned['integrator']}`", yes(is_right), f"{long.retried()}"]
+
+    return measure
+
+
 TABLES = [
     Table(PAGE, "speed", ["frames", "earlier", "short steps", "long steps", "factors", "bar", "met", "slowest frame", "steps, retried",
                           "crossings", "largest strain"], {
@@ -111,6 +128,21 @@ TABLES = [
         **sheets("draped", draped, (0.06, 0.28, 1.2)),
         "two_threads": ("two threads against one, fine woman", together(threads=2)),
         "two_ranks": ("two ranks against one, fine woman", together(ranks=2)),
+    }),
+    Table(PAGE, "integrators", ["frames", "steps a frame, short / long", "short steps", "long steps", "factor expected", "factor", "taken",
+                                "the faster", "retried"], {
+        **{name: (f"`{name}`", chosen(lambda name=name: sample(name), frames)) for name, frames in {
+            "hanging_sheet": (1001, 1073), "flag": (0, 72), "drape_sphere": (1, 72), "bias_cut": (0, 72), "pillow": (0, 48),
+            "cushion": (0, 48), "sewn_tube": (0, 48)}.items()},
+        **{name: (f"how-to `{name}`", chosen(lambda name=name: sample(f"../howto/{name}"), frames)) for name, frames in {
+            "fabric": (0, 24), "motion_blur": (0, 24), "over_time": (0, 42), "painted_maps": (0, 48), "patch": (0, 72),
+            "closures": (0, 72), "elastic": (0, 60)}.items()},
+        **{name: (f"test `{name}`", chosen(lambda name=name: TESTS / f"{name}.toml", frames)) for name, frames in {
+            "storm": (0, 72), "folded_stack": (0, 48), "two_sheets": (0, 48)}.items()},
+        "layers_of_silk": ("eight layers of silk that fall on a ball", chosen(layers_on_a_ball, (0, 36))),
+        "dressed_mannequin": ("`make demo`", chosen(mannequin, (1001, 1040))),
+        "dressed_woman": ("dressed woman, light garments", chosen(lambda: woman("light"), (0, 40))),
+        "poncho_on_mannequin": ("poncho on the walking mannequin", chosen(poncho, (1001, 1041))),
     }),
     Table(PAGE, "solver", ["iterations", "bar", "met", "how"], {
         "iterations": ("CG iterations a solve, fine woman", iterations(1, 40)),

@@ -49,7 +49,7 @@ described! { all of SolverSettings {
     cg_max_iterations => None, default Count(200), range (1.0, 1e6),
         "largest number of iterations of one damping solve";
     integrator => None, default Choice("semi_implicit", Integrator::WORDS), range (0.0, 0.0),
-        "treatment of elastic forces in a time step";
+        "treatment of elastic forces in a time step; left out, `auto` in a scene file of which a garment has a material";
     steps_per_frame => None, default Count(8), range (1.0, 1e4),
         "time steps of a frame with `tr_bdf2`; contact and fast strain may shorten them";
 } }

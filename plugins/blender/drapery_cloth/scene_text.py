@@ -168,7 +168,7 @@ class Shot:
     rate: Fraction
     settle: int = 0
     blend: int = 0
-    preset: str = "production"
+    preset: str = "auto"
     gravity: object = (0.0, -9.81, 0.0)
     self_contact: bool = True
     wind: object = None
@@ -235,7 +235,8 @@ def scene_text(shot, bodies, garments, seams=(), contacts=(), belts=()):
     ]
     if shot.settle or shot.blend:
         lines += ["[shot.preroll]", f"settle = {shot.settle}", f"blend = {shot.blend}", ""]
-    lines += ["[units]", 'length = "m"', 'up = "Y"', "", "[solver]", f"preset = {quoted(shot.preset)}", ""]
+    key = "integrator" if shot.preset == "auto" else "preset"
+    lines += ["[units]", 'length = "m"', 'up = "Y"', "", "[solver]", f"{key} = {quoted(shot.preset)}", ""]
     lines += ["[output]", f"format = [{', '.join(map(quoted, shot.formats))}]"]
     if shot.attributes:
         lines.append(f"attributes = [{', '.join(map(quoted, shot.attributes))}]")

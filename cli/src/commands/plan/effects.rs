@@ -63,10 +63,10 @@ fn integrator_text(simulation: &Simulation) -> String {
     let expected = |integrator: &Integrator| {
         let estimate = simulation.estimate_with(*integrator);
         let least = if estimate.is_least { "at least " } else { "" };
-        format!("{least}{} CPU seconds a frame expected with `{}`", about(estimate.total()), integrator.word())
+        format!("{least}{:.2} with `{}`", estimate.total(), integrator.word())
     };
     let expected: Vec<String> = Integrator::ALL.iter().map(expected).collect();
-    format!("    integrator `{}`; {}\n", integrator.word(), expected.join(", "))
+    format!("    integrator `{}`; expected CPU seconds a frame: {}\n", integrator.word(), expected.join(", "))
 }
 
 /// Returns the cost of a frame as text: measured, or as far as it is known beforehand.
