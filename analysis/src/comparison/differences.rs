@@ -49,6 +49,11 @@ fn settings(run: &RunFolder) -> BTreeMap<String, String> {
     if let Ok(scene) = text.parse::<toml::Table>() {
         scene.iter().for_each(|(key, value)| flatten(key, value, &mut found));
     }
+    // Runs of the same `auto` may have taken different ones.
+    let taken = &run.record.header.integrator;
+    if let Some(written) = found.get_mut("solver.integrator").filter(|written| written != &taken && !taken.is_empty()) {
+        *written = format!("{written}: {taken}");
+    }
     found
 }
 
@@ -94,5 +99,19 @@ mod tests {
         let page = table(&runs);
         assert!(page.contains("<td>silk_light</td><td>wool</td><td></td>"), "{page}");
         assert!(table(&runs[..1]).is_empty());
+    }
+
+    #[test]
+    fn integrators_that_the_solver_chose_are_named_where_they_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        let run_with = |name: &str, integrator: &str| {
+            let mut run = run(&folder.path().join(name), "drapery = 1\n[solver]\nintegrator = \"auto\"\n");
+            integrator.clone_into(&mut run.record.header.integrator);
+            (name.to_owned(), run)
+        };
+        let runs = [run_with("a", "semi_implicit"), run_with("b", "tr_bdf2")];
+        let page = table(&runs);
+        assert!(page.contains("<td>auto: semi_implicit</td><td>auto: tr_bdf2</td>"), "{page}");
+        assert!(table(&[run_with("c", "tr_bdf2"), run_with("d", "tr_bdf2")]).is_empty());
     }
 }

@@ -289,6 +289,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         ("scene", manifest.scene.clone()),
         ("command", manifest.command.clone().unwrap_or_default()),
         ("program", manifest.application.clone()),
+        ("integrator", run.record.header.integrator.clone()),
         ("threads", manifest.threads.to_string()),
         ("caches", format!("{} (lengths in {}, {} up)", files.join(", "), manifest.length_unit, manifest.up_axis)),
     ];

@@ -39,6 +39,8 @@ pub struct Header {
     pub application: String,
     /// Frame at which the simulation starts, before the first delivered one if there is a pre-roll.
     pub start_frame: Option<i64>,
+    /// Integrator that was taken; empty in records of earlier programs.
+    pub integrator: String,
     /// Effects in the order of execution.
     pub effects: Vec<EffectRow>,
 }
