@@ -92,13 +92,14 @@ type Used = (Vec<Option<Cow<'static, Material>>>, Vec<PathBuf>);
 fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
     let (mut used, mut files) = (Vec::new(), Vec::new());
     let integrator = root.as_table().and_then(|t| t.get("solver")?.as_table()?.get("integrator")?.as_text());
-    let short_steps = integrator.and_then(Integrator::find).is_none_or(|found| found == Integrator::SemiImplicit);
+    let may_be_long = |integrator: Integrator| integrator == Integrator::Auto || integrator.spec().is_implicit;
+    let long_steps = integrator.and_then(Integrator::find).is_some_and(may_be_long);
     let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
     else {
         return Ok((used, files));
     };
     for garment in garments {
-        used.push(fill_from_material(garment, sources, (folders, !short_steps), &mut files)?);
+        used.push(fill_from_material(garment, sources, (folders, long_steps), &mut files)?);
     }
     Ok((used, files))
 }
