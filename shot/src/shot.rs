@@ -287,8 +287,9 @@ impl Shot {
     pub fn fingerprint(&self) -> Result<Fingerprint, IoError> {
         let about = &self.about;
         let (format, application) = (FORMAT_VERSION, APPLICATION);
-        let solver = drapery_core::solver_version(self.simulation().scene().description().solver.integrator);
-        let versions = Versions { solver, format, application };
+        let integrator = self.simulation().scene().description().solver.integrator;
+        let (solver, integrator) = (drapery_core::solver_version(integrator), integrator.word());
+        let versions = Versions { solver, integrator, format, application };
         let of_files = Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)?;
         Ok(of_files.with_meshes(&about.meshes))
     }

@@ -41,7 +41,7 @@ fn wardrobe() -> TempDir {
 
 #[test]
 fn path_maps_find_inputs_elsewhere_and_leave_the_shot_the_same() {
-    let versions = Versions { solver: 1, format: 1, application: "Drapery" };
+    let versions = Versions { solver: 1, integrator: "tr_bdf2", format: 1, application: "Drapery" };
     let (a, b, scenes) = (wardrobe(), wardrobe(), tempfile::tempdir().expect("a temporary folder"));
     let path = scenes.path().join("dressed.toml");
     std::fs::write(&path, DRESSED).expect("a file");

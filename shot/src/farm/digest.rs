@@ -64,6 +64,9 @@ const GONE: [(&str, &str); 5] = [
 ];
 const STRAIN_PER_STEP: (&str, &str) = ("solver.strain_per_step", "0.1");
 
+/// Key of the integrator.
+const INTEGRATOR: &str = "solver.integrator";
+
 /// Keys of the scene that say what caches hold: velocities, which faces, and attributes.
 const FORM: [&str; 3] = ["output.velocities", "output.faces", "output.attributes"];
 
@@ -78,6 +81,8 @@ const BLOCK: usize = 1 << 20;
 pub struct Versions<'a> {
     /// `drapery_core::solver_version`: raised when results change.
     pub solver: u32,
+    /// Word of the integrator that was taken: it stands in the place of `auto`, whose choice may differ in another program.
+    pub integrator: &'a str,
     /// Version of checkpoints.
     pub format: u32,
     /// Program and its version; another one may continue, as long as the other two are equal.
@@ -125,6 +130,9 @@ impl Fingerprint {
         scene.retain(|key, value| !key.starts_with(WARNINGS) && !UNSAID.contains(&(key.as_str(), value.as_str())));
         // "auto" is the value of the programs before.
         scene.retain(|key, value| key != STRAIN_PER_STEP.0 || value != "\"auto\"");
+        if let Some(written) = scene.get_mut(INTEGRATOR).filter(|written| *written == "\"auto\"") {
+            *written = format!("\"{}\"", versions.integrator);
+        }
         let missing: Vec<_> = GONE.into_iter().filter(|(key, _)| is_gone(&scene, key)).chain([PRESET]).collect();
         scene.extend(missing.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
         let mut digests = Digests::new();

@@ -1,7 +1,8 @@
 use super::*;
 use std::fs;
 
-const VERSIONS: Versions<'static> = Versions { solver: 3, format: 1, application: "Drapery 0.1.0" };
+const VERSIONS: Versions<'static> =
+    Versions { solver: 3, integrator: "semi_implicit", format: 1, application: "Drapery 0.1.0" };
 
 const SCENE_TEXT: &str = r#"
 drapery = 1
@@ -208,6 +209,18 @@ fn a_run_of_an_earlier_program_goes_on_and_its_checkpoints_have_the_same_digest(
     // A new key with a default belongs into `YOUNGER`.
     assert_eq!(earlier.digests[SCENE], now.digests[SCENE]);
     assert_ne!(earlier.scene, now.scene);
+}
+
+#[test]
+fn the_integrator_that_was_taken_stands_in_the_place_of_auto() {
+    let of = |word: &str, taken: &str| {
+        let resolved = format!("[solver]\nintegrator = \"{word}\"\n");
+        let versions = Versions { integrator: taken, ..VERSIONS };
+        Fingerprint::of(&resolved, Path::new("s.toml"), &[], versions).unwrap()
+    };
+    assert_eq!(of("auto", "tr_bdf2"), of("tr_bdf2", "tr_bdf2"));
+    let changed = compare(&of("semi_implicit", "semi_implicit"), &of("auto", "tr_bdf2"));
+    assert_eq!(changed, only_forbidden("solver.integrator \"semi_implicit\" -> \"tr_bdf2\""));
 }
 
 #[test]
