@@ -138,7 +138,7 @@ TABLES = [
             "fabric": (0, 24), "motion_blur": (0, 24), "over_time": (0, 42), "painted_maps": (0, 48), "patch": (0, 72),
             "closures": (0, 72), "elastic": (0, 60)}.items()},
         **{name: (f"test `{name}`", chosen(lambda name=name: TESTS / f"{name}.toml", frames)) for name, frames in {
-            "storm": (0, 72), "folded_stack": (0, 48), "two_sheets": (0, 48)}.items()},
+            "storm": (0, 72), "folded_stack": (0, 48)}.items()},
         "layers_of_silk": ("eight layers of silk that fall on a ball", chosen(layers_on_a_ball, (0, 36))),
         "dressed_mannequin": ("`make demo`", chosen(mannequin, (1001, 1040))),
         "dressed_woman": ("dressed woman, light garments", chosen(lambda: woman("light"), (0, 40))),
