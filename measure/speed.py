@@ -4,7 +4,8 @@ import math
 
 from measure.page import Table
 from measure.runs import LONG, SHORT, TODAY, against, alternating, plan, run
-from measure.scenes import TESTS, cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, sample, twisted, woman
+from measure.scenes import (HOWTO, TESTS, cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, sample, twisted,
+                            woman)
 
 PAGE = "dev/measurements/speed.md"
 PREVIEW = ('solver.preset="preview"',)
@@ -134,7 +135,7 @@ TABLES = [
         **{name: (f"`{name}`", chosen(lambda name=name: sample(name), frames)) for name, frames in {
             "hanging_sheet": (1001, 1073), "flag": (0, 72), "drape_sphere": (1, 72), "bias_cut": (0, 72), "pillow": (0, 48),
             "cushion": (0, 48), "sewn_tube": (0, 48)}.items()},
-        **{name: (f"how-to `{name}`", chosen(lambda name=name: sample(f"../howto/{name}"), frames)) for name, frames in {
+        **{name: (f"how-to `{name}`", chosen(lambda name=name: HOWTO / f"{name}.toml", frames)) for name, frames in {
             "fabric": (0, 24), "motion_blur": (0, 24), "over_time": (0, 42), "painted_maps": (0, 48), "patch": (0, 72),
             "closures": (0, 72), "elastic": (0, 60)}.items()},
         **{name: (f"test `{name}`", chosen(lambda name=name: TESTS / f"{name}.toml", frames)) for name, frames in {
