@@ -86,8 +86,7 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     let load = Machine::load();
     std::fs::create_dir_all(&options.out).map_err(|error| IoError::creating(&options.out, error))?;
     let lock = RunLock::take(&options.out, &Owner::this_process(), false, SystemTime::now())?;
-    let scene = with_integrator(options)?;
-    let (mut study, ground) = begin(options, &scene, load, observer)?;
+    let (mut study, ground, scene) = begin(options, load, observer)?;
     let before = study.seconds;
     let bench = Bench {
         scene: &scene,
@@ -113,19 +112,6 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     Ok(study)
 }
 
-/// The scene with the integrator that the solver chooses for it, where it leaves the choice: a changed setting may not change it.
-fn with_integrator(options: &Options) -> Result<SceneSource, StudyError> {
-    let mut scene = options.scene.clone();
-    let file = scene.read().map_err(|error| StudyError::Scene(vec![error]))?;
-    let description = file.resolve().map_err(StudyError::Scene)?;
-    if description.scene.solver.integrator == Integrator::Auto {
-        let shot = Shot::prepare(description, options.asked.frames)?;
-        let chosen = shot.simulation().scene().description().solver.integrator;
-        scene.settings.push((vary::key_of(vary::INTEGRATOR), chosen.word().to_owned()));
-    }
-    Ok(scene)
-}
-
 /// Refuses what a scene does not take before anything runs; what somebody asked for is looked at more closely than what this
 /// program came up with.
 fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(), StudyError> {
@@ -138,20 +124,33 @@ fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(),
     Ok(())
 }
 
-/// The record of the folder, or a new one, and what the choice of runs depends on.
+/// The record of the folder, or a new one, what the choice of runs depends on, and the scene of all runs.
 fn begin(
     options: &Options,
-    source: &SceneSource,
     load: f64,
     observer: &mut dyn Observer,
-) -> Result<(Study, BaseSettings), StudyError> {
-    let bench =
-        Bench { scene: source, cancelled: &options.cancelled, size: 0.0, thickness: 0.0, threads: options.threads };
+) -> Result<(Study, BaseSettings, SceneSource), StudyError> {
+    let bench = Bench {
+        scene: &options.scene,
+        cancelled: &options.cancelled,
+        size: 0.0,
+        thickness: 0.0,
+        threads: options.threads,
+    };
     let file = sample::load(&bench, &RunRequest::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
-    let (mut scene, ground) = facts(options, source, &description)?;
-    let ground = BaseSettings { resolution: file.number(vary::RESOLUTION), ..ground };
+    let (mut scene, ground) = facts(options, &description)?;
+    let is_chosen = description.scene.solver.integrator == Integrator::Auto;
     let shot = Shot::prepare(description, options.asked.frames)?;
+    let integrator = shot.simulation().scene().description().solver.integrator;
+    let is_implicit = integrator.spec().is_implicit;
+    let ground = BaseSettings { is_implicit, resolution: file.number(vary::RESOLUTION), ..ground };
+    let mut source = options.scene.clone();
+    if is_chosen {
+        // A changed setting may not change the choice.
+        source.settings.push((vary::key_of(vary::INTEGRATOR), integrator.word().to_owned()));
+        scene.settings.clone_from(&source.settings);
+    }
     shot.warnings().iter().for_each(|warning| observer.note(&warning.to_string()));
     scene.effects = shot.simulation().plan().iter().map(|effect| effect.name.to_owned()).collect();
     scene.effects.dedup();
@@ -174,7 +173,7 @@ fn begin(
     };
     let path = options.out.join(RECORD);
     if options.overwrite || !path.exists() {
-        return Ok((new, ground));
+        return Ok((new, ground, source));
     }
     let mut old = Study::read(&path)?;
     let differs = |what: &str| Err(StudyError::Other { folder: options.out.clone(), what: what.to_owned() });
@@ -189,15 +188,11 @@ fn begin(
         return differs("its times were measured on a different machine, or with a different number of threads");
     }
     (old.budget, old.limit) = (options.budget, options.limit.as_secs_f64());
-    Ok((old, ground))
+    Ok((old, ground, source))
 }
 
-/// Returns the facts of the scene for the record, and the settings on which the choice of runs depends.
-fn facts(
-    options: &Options,
-    source: &SceneSource,
-    description: &ShotDescription,
-) -> Result<(SceneFacts, BaseSettings), StudyError> {
+/// Returns the facts of the scene for the record, and the settings on which the choice of runs depends, as far as its description says them.
+fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, BaseSettings), StudyError> {
     let scene = &description.scene;
     let mut points = Vec::new();
     for garment in &scene.garments {
@@ -211,9 +206,9 @@ fn facts(
     let mut effects: Vec<String> = scene.effects.iter().map(|request| request.effect.clone()).collect();
     effects.dedup();
     let facts = SceneFacts {
-        path: source.path().map_or_else(|| description.name.clone(), |path| path.display().to_string()),
+        path: options.scene.path().map_or_else(|| description.name.clone(), |path| path.display().to_string()),
         shot: description.name.clone(),
-        settings: source.settings.clone(),
+        settings: options.scene.settings.clone(),
         points: points.len() as u64,
         frames: description.frames,
         start: scene.timeline.start,
@@ -223,7 +218,6 @@ fn facts(
         ..SceneFacts::default()
     };
     let ground = BaseSettings {
-        is_implicit: scene.solver.integrator.spec().is_implicit,
         steps_per_frame: scene.solver.steps_per_frame,
         cfl: scene.solver.cfl,
         max_dt: scene.solver.max_dt,
@@ -235,7 +229,7 @@ fn facts(
         left_out: scene.left_out.clone(),
         threads: options.threads,
         has_surfaces: description.bodies.iter().any(Option::is_some),
-        resolution: None,
+        ..BaseSettings::default()
     };
     Ok((facts, ground))
 }
