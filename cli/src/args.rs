@@ -456,7 +456,8 @@ fn integrators() -> impl TypedValueParser<Value = Integrator> {
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
-    /// Folder of the run; the page is written into it as report.html. With several folders the page compares the runs
+    /// Folder of the run; the page is written into it as report.html. With several folders, or with the folder of a wedge, the page
+    /// compares the runs
     #[arg(value_name = "DIR", required = true)]
     pub(crate) folders: Vec<PathBuf>,
     /// The page that compares several runs; its table is written beside it as CSV [default: comparison.html]

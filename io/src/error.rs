@@ -104,12 +104,14 @@ pub enum IoError {
     /// A folder that should hold a run has no manifest.
     #[error(
         "{}: this folder holds no run: there is no manifest.json in it\n  \
-         help: give the folder that `drapery run` wrote, the one named with --out",
-        path.display()
+         help: {}",
+        path.display(), advice_without_run(runs)
     )]
     NoRun {
         /// The folder.
         path: PathBuf,
+        /// Folders of runs that it holds.
+        runs: Vec<PathBuf>,
     },
     /// The disk has no room for a checkpoint.
     #[error(
@@ -338,6 +340,16 @@ fn advice_on_reading(error: &std::io::Error) -> &'static str {
         "check the disk or the file server, and run the same command again"
     };
     advice_on(error, usual)
+}
+
+/// Advice where a folder is no run, but may hold the folders of some.
+fn advice_without_run(runs: &[PathBuf]) -> String {
+    match runs.first() {
+        None => "give the folder that `drapery run` wrote, the one named with --out".to_owned(),
+        Some(run) => {
+            format!("it holds the folders of {} runs; give one of them, for example {}", runs.len(), run.display())
+        }
+    }
 }
 
 /// Advice where no more files can be opened.

@@ -351,9 +351,11 @@ fn start_cuts(
     Ok(faces.find(simulation))
 }
 
-/// The last frame of a run. A range that starts elsewhere than the scene's own or ends after it is refused: whoever asks for frames
-/// that are not delivered has to hear of it.
-fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>) -> Result<i64, ShotError> {
+/// Returns the last frame of a run that is asked for these frames of a scene.
+///
+/// # Errors
+/// The range starts elsewhere than the scene's own, or ends after it: frames that are not delivered are not left out silently.
+pub fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>) -> Result<i64, ShotError> {
     let [scene_first, scene_last] = scene;
     let Some([first, last]) = asked else {
         return Ok(scene_last);

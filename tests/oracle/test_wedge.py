@@ -93,9 +93,27 @@ def test_two_runs_side_by_side(fabrics, tmp_path):
     assert str(tmp_path) in said("report", folders[0], tmp_path, code=66)
 
 
+def test_the_folder_of_a_wedge_is_all_of_its_runs_or_says_which_it_has(fabrics, tmp_path):
+    """`report` compares all of them; commands that look at one run name one."""
+    out, _ = fabrics
+    text = said("report", out, "--out", tmp_path / "all.html")
+    assert all(name in text for name in table(out)) and (tmp_path / "all.html").is_file()
+    first = f"it holds the folders of 4 runs; give one of them, for example {out / 'fabric=denim_11oz,friction=0.1'}"
+    for words in (("view", out, "--page", tmp_path / "page.html"), ("diff", out, out), ("stop", out)):
+        assert first in said(*words, code=66), words
+    assert f"{out}/*.abc" in said("verify", out, code=65)
+
+
 def test_a_value_that_no_run_can_have_is_named_before_anything_runs(tmp_path):
     text = wedge(tmp_path / "out", "--vary", "fabric=silk_light,no_such_fabric", code=78)
     assert "run fabric=no_such_fabric" in text and "no_such_fabric" in text and not (tmp_path / "out").exists()
+    text = wedge(tmp_path / "out", "--vary", "fabric=silk_light,denim_11oz", "--frames", "3-6", code=2)
+    assert "run fabric=silk_light" in text and "a run starts at frame 0" in text and not (tmp_path / "out").exists()
+
+
+def test_values_with_brackets_have_plain_names(tmp_path):
+    wedge(tmp_path, "--vary", "gravity.acceleration=[0,-9.81,0],[0,-1.6,0]", "--frames", "0-1")
+    assert list(table(tmp_path)) == ["acceleration=0,-9.81,0", "acceleration=0,-1.6,0"]
 
 
 def test_a_wedge_of_a_thousand_is_refused(tmp_path):

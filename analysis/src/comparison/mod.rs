@@ -69,7 +69,7 @@ impl Comparison {
                 return Ok((name.clone(), without_figures(path, REFUSED)));
             }
             let run = match RunFolder::read(&path) {
-                Err(IoError::NoRun { path }) => without_figures(path, NOT_RUN),
+                Err(IoError::NoRun { path, .. }) => without_figures(path, NOT_RUN),
                 other => other?,
             };
             Ok((name.clone(), run))

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
 use drapery_shot::run_record::MANIFEST;
+use drapery_shot::run_record::folder::no_run;
 use drapery_shot::run_record::manifest::listed_files;
 
 use super::{PartComparison, Verdict, compare_files};
@@ -26,7 +27,7 @@ pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<Vec<PartComp
 /// Caches of a run that are there.
 fn caches(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
     if !folder.join(MANIFEST).is_file() {
-        return Err(IoError::NoRun { path: folder.to_owned() });
+        return Err(no_run(folder));
     }
     Ok(listed_files(folder).into_iter().filter(|path| path.is_file()).collect())
 }

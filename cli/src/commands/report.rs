@@ -1,9 +1,10 @@
 //! `drapery report`: a page about a run, or about several side by side.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use drapery_analysis::comparison::{self, Comparison};
 use drapery_analysis::report;
+use drapery_shot::run_record::folder::with_runs_in;
 
 use crate::args::ReportArgs;
 use crate::exit_code::ExitCode;
@@ -12,7 +13,8 @@ use crate::say;
 
 /// Writes `report.html` into the folder of a run, or the page that compares several.
 pub(crate) fn report(args: &ReportArgs) -> Result<ExitCode, Failure> {
-    match (&args.folders[..], &args.out) {
+    let folders: Vec<PathBuf> = args.folders.iter().flat_map(|folder| with_runs_in(folder)).collect();
+    match (&folders[..], &args.out) {
         ([folder], None) => say::line(format_args!("wrote {}", report::write(folder)?.display())),
         ([_], Some(_)) => {
             let text = "--out names the page of several runs\n  help: give more folders, or leave it out";

@@ -1,13 +1,12 @@
 //! `drapery status`: how far runs are.
 
 use std::fmt::Write;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use drapery_analysis::report::status::{Process, Status};
 use drapery_shot::farm::stale;
-use drapery_shot::run_record::MANIFEST;
+use drapery_shot::run_record::folder::with_runs_in;
 use drapery_shot::run_record::reader::in_words;
 use serde_json::json;
 
@@ -21,7 +20,7 @@ use crate::say;
 pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
     let now = SystemTime::now();
     let mut unreadable: Option<Failure> = None;
-    let folders: Vec<PathBuf> = args.folders.iter().flat_map(|folder| runs_of(folder)).collect();
+    let folders: Vec<PathBuf> = args.folders.iter().flat_map(|folder| with_runs_in(folder)).collect();
     for (number, folder) in folders.iter().enumerate() {
         match Status::of(folder, now) {
             // A struct of texts and numbers always has a JSON form.
@@ -42,19 +41,6 @@ pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
         }
     }
     unreadable.map_or(Ok(ExitCode::Done), Err)
-}
-
-/// Folders of the runs of a wedge, in the order of their names; any other folder as it is.
-fn runs_of(folder: &Path) -> Vec<PathBuf> {
-    let is_run = |folder: &Path| folder.join(MANIFEST).is_file();
-    // A folder that cannot be listed counts as a run that cannot be read.
-    let inside = fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
-    let mut runs: Vec<PathBuf> = inside.filter(|folder| is_run(folder)).collect();
-    if is_run(folder) || runs.is_empty() {
-        return vec![folder.to_owned()];
-    }
-    runs.sort_unstable();
-    runs
 }
 
 /// The lines about a run; `named` adds its folder, since runs of one scene have the same name.

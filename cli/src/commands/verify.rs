@@ -15,6 +15,13 @@ use crate::say;
 /// Checks every frame of caches that belong together.
 pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     let paths: Vec<&Path> = args.files.iter().map(AsRef::as_ref).collect();
+    if let Some(folder) = paths.iter().find(|path| path.is_dir()) {
+        let text = format!(
+            "{0}: this is a folder\n  help: give caches, as in {0}/*.abc; --record {0} compares those of a run with its record",
+            folder.display()
+        );
+        return Err(Failure::new(ExitCode::BadInput, text));
+    }
     let mut found = Verification::default();
     // Of caches that no application opens there are no rules but those of the record.
     let is_judged =

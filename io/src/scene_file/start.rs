@@ -69,7 +69,7 @@ impl Resolver<'_> {
         }
         let cell = (points[1] - points[0]).norm();
         if !(gap > 0.0 && gap < 2.0 * cell) {
-            let text = format!("a gap of {gap} m is out of range; it has to be positive and below {} m", 2.0 * cell);
+            let text = format!("a gap of {gap} m is out of range; it has to be positive and below {:.6} m", 2.0 * cell);
             self.error_with(&here.key("gap"), text, "two cells of the panel make a fold".to_owned());
             return None;
         }

@@ -17,6 +17,7 @@ use drapery_io::error::IoError;
 
 use crate::farm::lock::{self, Holder};
 use crate::run_record::MANIFEST;
+use crate::run_record::folder::no_run;
 
 /// Folder of the request files in the folder of a run.
 pub(crate) const CONTROL: &str = "control";
@@ -416,7 +417,7 @@ impl ControlFiles {
 pub fn request_stop(run_folder: &Path, now: SystemTime) -> Result<Option<Holder>, IoError> {
     let holder = lock::holder(run_folder, now)?;
     if holder.is_none() && !run_folder.join(MANIFEST).exists() {
-        return Err(IoError::NoRun { path: run_folder.to_owned() });
+        return Err(no_run(run_folder));
     }
     if holder.as_ref().is_none_or(|holder| holder.presence == lock::Presence::Gone) {
         return Ok(None);

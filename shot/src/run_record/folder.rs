@@ -2,6 +2,7 @@
 //!
 //! Only read, never locked. What an older run did not write is empty.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
@@ -23,6 +24,25 @@ pub struct RunFolder {
     pub record: Record,
 }
 
+/// Folders of the runs that a folder holds, as one of a wedge does, in the order of their names.
+pub fn runs_in(folder: &Path) -> Vec<PathBuf> {
+    let inside = fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let mut runs: Vec<PathBuf> = inside.filter(|folder| folder.join(MANIFEST).is_file()).collect();
+    runs.sort_unstable();
+    runs
+}
+
+/// A folder of a run as it is, and one of a wedge as its runs.
+pub fn with_runs_in(folder: &Path) -> Vec<PathBuf> {
+    let runs = if folder.join(MANIFEST).is_file() { Vec::new() } else { runs_in(folder) };
+    if runs.is_empty() { vec![folder.to_owned()] } else { runs }
+}
+
+/// The error about a folder that has no manifest.
+pub fn no_run(folder: &Path) -> IoError {
+    IoError::NoRun { path: folder.to_owned(), runs: runs_in(folder) }
+}
+
 impl RunFolder {
     /// Reads manifest and record of a run.
     ///
@@ -31,7 +51,7 @@ impl RunFolder {
     pub fn read(path: &Path) -> Result<Self, IoError> {
         let manifest = path.join(MANIFEST);
         let text = input_file::text(&manifest).map_err(|error| match error {
-            IoError::Missing { .. } => IoError::NoRun { path: path.to_owned() },
+            IoError::Missing { .. } => no_run(path),
             error => error,
         })?;
         let damaged = |place: String, what: String| {

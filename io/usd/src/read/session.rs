@@ -101,7 +101,16 @@ impl Session {
         }
         if samples.is_empty() {
             let what = "there is no such attribute, or it has no value".to_owned();
-            return Err(bad(what, "name an attribute of the stage, as in /shot/control.friction"));
+            let mut names = Vec::new();
+            for attribute in reading.ok(prim.authored_attributes(), &prim)? {
+                let is_number = reading.value(&attribute)?.as_ref().and_then(plain).is_some();
+                names.extend(is_number.then(|| attribute.name().to_owned()));
+            }
+            let advice = match names.is_empty() {
+                true => "the stage has no such prim, or none of its attributes holds numbers; `drapery info` lists those that change over time".to_owned(),
+                false => format!("its attributes of numbers are {}", names.join(", ")),
+            };
+            return Err(bad(what, &advice));
         }
         let plain = |(code, value): (f64, Value)| match plain(&value) {
             Some(numbers) => Ok((code, numbers)),
