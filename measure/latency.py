@@ -131,7 +131,7 @@ def what(scene, steps, ranks=None):
 
 def rows(function):
     """A row for each scene, integrator and number of ranks."""
-    return {f"{function.__name__}_{scene}_{steps}_{ranks}": (what(scene, steps, ranks), function(scene, steps, ranks))
+    return {f"{function.__name__}-{scene}-{steps}-{ranks}": (what(scene, steps, ranks), function(scene, steps, ranks))
             for scene, steps in KINDS for ranks in (2, 4)}
 
 
@@ -141,6 +141,6 @@ TABLES = [
     Table(PAGE, "latencies", ["1 rank [ms a step]", "t₀ [ms]", "n", "collective operations a step", "exchanges a step",
                               "n of those counted"], rows(latencies)),
     Table(PAGE, "many", ["work of a rank [ms]", "latencies of a step", *(f"{1e6 * latency:g} µs [ms a step]" for latency in NETWORKS)],
-          {f"many_{scene}_{steps}_{millions}": (f"{millions} million triangles as in {what(scene, steps)}", many(scene, steps, millions))
+          {f"many-{scene}-{steps}-{millions}": (f"{millions} million triangles as in {what(scene, steps)}", many(scene, steps, millions))
            for scene, steps in KINDS for millions in MILLIONS}),
 ]
