@@ -24,9 +24,16 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     }
     let mut found = Verification::default();
     // Of caches that no application opens there are no rules but those of the record.
-    let is_judged =
-        |path: &&Path| args.record.is_none() || of_file(path).is_none_or(|format| format.opens_in_applications);
-    let judged: Vec<&Path> = paths.iter().copied().filter(is_judged).collect();
+    let is_judged = |path: &Path| of_file(path).is_none_or(|format| format.opens_in_applications);
+    if let Some(path) = paths.iter().find(|path| args.record.is_none() && !is_judged(path)) {
+        let text = format!(
+            "{}: no application opens such a cache, so there are no rules for it\n  \
+             help: compare it with the record of its run: --record, and the folder of the run",
+            path.display()
+        );
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
+    let judged: Vec<&Path> = paths.iter().copied().filter(|path| is_judged(path)).collect();
     if !judged.is_empty() {
         found = verify::verify(&judged, args.body.as_deref()).map_err(unusable)?;
     }

@@ -7,11 +7,16 @@
 
 # frame_chunks FRAMES FIRST-LAST: the chunks.
 frame_chunks() {
-    [[ $1 =~ ^[1-9][0-9]*$ && $2 =~ ^(-?[0-9]+)-(-?[0-9]+)$ ]] || {
+    [[ $1 =~ ^[1-9][0-9]*$ && $2 =~ ^(-?)([0-9]+)-(-?)([0-9]+)$ ]] || {
         echo "$0: FRAMES is a number above zero and the range FIRST-LAST, not $1 and $2" >&2
         return 2
     }
-    local first=${BASH_REMATCH[1]} last=${BASH_REMATCH[2]} from
+    # Decimal, also with zeros in front.
+    local first=$((${BASH_REMATCH[1]}10#${BASH_REMATCH[2]})) last=$((${BASH_REMATCH[3]}10#${BASH_REMATCH[4]})) from
+    ((first <= last)) || {
+        echo "$0: the range $2 ends before it begins" >&2
+        return 2
+    }
     for ((from = first; from <= last; from += $1)); do
         echo "$from $((from + $1 - 1 < last ? from + $1 - 1 : last))"
     done

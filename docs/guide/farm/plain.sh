@@ -22,7 +22,7 @@ pass_on() {
     # Before the run has started there is nobody to tell.
     [ -z "$run" ] || kill -s "$1" "$run" 2>/dev/null
 }
-for signal in TERM INT USR1 USR2 XCPU; do
+for signal in TERM INT HUP USR1 USR2 XCPU; do
     # The name is wanted as it is now.
     # shellcheck disable=SC2064
     trap "pass_on $signal" "$signal"

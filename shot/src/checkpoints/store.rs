@@ -21,6 +21,9 @@ use serde_json::Value;
 /// Folder of the checkpoints inside that of a run.
 pub(crate) const FOLDER: &str = "checkpoints";
 
+/// File in it with the pinned frames, one a line: those of earlier attempts stay pinned.
+const PINNED: &str = "pinned.txt";
+
 /// Account of the time and counts of a run when a checkpoint was written: it depends on the machine, so it stands
 /// beside the checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -97,11 +100,11 @@ impl Store {
     /// Opens the checkpoints in the folder `out` of a run, and removes what an earlier run left unfinished: parts of files, and
     /// accounts whose checkpoint was never written.
     ///
-    /// The last `keep` are kept, at least one, beside those at the frames `pinned`. Only the holder of the run's lock
-    /// may do this.
+    /// The last `keep` are kept, at least one, beside those at the frames `pinned` and at those that earlier attempts have pinned.
+    /// Only the holder of the run's lock may do this.
     ///
     /// # Errors
-    /// The folder cannot be created or changed.
+    /// The folder cannot be created or changed; the file of the pinned frames holds something else.
     pub(crate) fn open(out: &Path, keep: usize, pinned: &[i64]) -> Result<Self, IoError> {
         let folder = out.join(FOLDER);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
@@ -111,7 +114,14 @@ impl Store {
                 fs::remove_file(&path).map_err(|e| IoError::writing(&path, e))?;
             }
         }
-        Ok(Self { folder, keep: keep.max(1), pinned: pinned.iter().copied().collect() })
+        let path = folder.join(PINNED);
+        let earlier = pinned_in(&path)?;
+        let pinned: BTreeSet<i64> = earlier.iter().chain(pinned).copied().collect();
+        if pinned != earlier {
+            let lines: String = pinned.iter().map(|frame| format!("{frame}\n")).collect();
+            atomic_file::replace(&path, lines.as_bytes())?;
+        }
+        Ok(Self { folder, keep: keep.max(1), pinned })
     }
 
     /// Whether the checkpoint at a frame is to be written and kept in any case.
@@ -212,12 +222,17 @@ impl Store {
         Ok(moved)
     }
 
-    /// Removes all checkpoints, for a run that is replaced.
+    /// Removes all checkpoints in the folder `out` of a run that is replaced, and forgets which frames were pinned.
     ///
     /// # Errors
     /// A file cannot be removed.
-    pub(crate) fn remove_all(&self) -> Result<(), IoError> {
-        self.list()?.iter().try_for_each(|entry| remove(&entry.path))
+    pub(crate) fn clear(out: &Path) -> Result<(), IoError> {
+        let folder = out.join(FOLDER);
+        if !folder.exists() {
+            return Ok(());
+        }
+        entries(&folder)?.iter().try_for_each(|entry| remove(&entry.path))?;
+        remove_file(&folder.join(PINNED))
     }
 
     /// Removes all but the last few, the pinned ones and `saved`.
@@ -235,12 +250,31 @@ impl Store {
 /// Removes a checkpoint. The account goes last: a checkpoint that is seen has its account.
 fn remove(path: &Path) -> Result<(), IoError> {
     for path in [path.to_owned(), account_path(path)] {
-        match fs::remove_file(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(IoError::writing(&path, e)),
-            _ => {}
-        }
+        remove_file(&path)?;
     }
     Ok(())
+}
+
+/// Removes a file, if it is there.
+fn remove_file(path: &Path) -> Result<(), IoError> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(IoError::writing(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// The frames that a file lists, one a line; none where there is no file.
+fn pinned_in(path: &Path) -> Result<BTreeSet<i64>, IoError> {
+    let text = match input_file::text(path) {
+        Err(IoError::Missing { .. }) => return Ok(BTreeSet::new()),
+        other => other?,
+    };
+    let frame = |(index, line): (usize, &str)| {
+        let what = format!("{line:?} is no frame");
+        let advice = "the file lists frames whose checkpoints are kept, one a line; correct it, or remove it";
+        line.trim().parse().map_err(|_| IoError::data(path, format!("line {}", index + 1), what, advice))
+    };
+    text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).map(frame).collect()
 }
 
 /// The checkpoints in the folder `out` of a run, earliest first; none when there is no such folder. Changes nothing.

@@ -283,13 +283,13 @@ fn by_content<'a>(digests: &'a Digests, key: &str, value: &'a str) -> Option<(&'
     })
 }
 
-fn input_name(path: &Path) -> String {
+pub(crate) fn input_name(path: &Path) -> String {
     // A path that cannot be made absolute is empty or belongs to a folder that is gone; as it is, it still is a name.
     format!("{INPUT}{}", absolute(path).unwrap_or_else(|_| path.to_owned()).display())
 }
 
 /// Digest of all bytes of a file.
-fn content_digest(path: &Path) -> Result<String, IoError> {
+pub(crate) fn content_digest(path: &Path) -> Result<String, IoError> {
     let mut file = input_file::open(path)?;
     let (mut all, mut block) = (Sha256::new(), vec![0; BLOCK]);
     loop {

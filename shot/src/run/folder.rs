@@ -138,15 +138,17 @@ impl Held {
         observer.logs(attempt.open()?);
         notes.into_iter().for_each(|note| observer.accepted(note));
         if let Some(former) = lock.former() {
-            observer.note(format!("the folder was locked by {former}, which has ended without releasing it"));
+            let why =
+                if options.steal_lock { "taken over by --steal-lock" } else { "which has ended without releasing it" };
+            observer.note(format!("the folder was locked by {former}, {why}"));
         }
         for name in options.requests.watch_folder(out)? {
             observer.note(format!("control/{name} is left over from an earlier attempt and is removed"));
         }
-        let store = Store::open(out, options.keep, &options.pinned)?;
         if options.overwrite {
-            store.remove_all()?;
+            Store::clear(out)?;
         }
+        let store = Store::open(out, options.keep, &options.pinned)?;
         stale::clear_unfinished(out)?;
         Ok(Self { owner, lock, attempt, store })
     }

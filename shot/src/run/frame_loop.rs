@@ -28,6 +28,7 @@ use crate::run::belts;
 use crate::run::counted::{Counted, SoFar};
 use crate::run::dump::{self, Dump};
 use crate::run::folder::{Earlier, Held, files_of_run, refuse_inputs};
+use crate::run::input_watch::InputWatch;
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
 use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs};
@@ -63,6 +64,7 @@ struct Run<'a> {
     reported_cuts: BTreeSet<(String, String, bool)>,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
+    inputs: InputWatch,
 }
 
 impl Shot {
@@ -83,6 +85,7 @@ impl Shot {
         if !options.overwrite {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
         }
+        let inputs = InputWatch::new(&self.about.input_files);
         let fingerprint = self.fingerprint()?;
         let earlier = Earlier::unless_replaced(options)?;
         let (mut notes, mut changed) = (Vec::new(), Vec::new());
@@ -97,7 +100,7 @@ impl Shot {
         if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
             return self.nothing_to_do(options, observer);
         }
-        let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
+        let mut run = Run::prepare(self, options, (fingerprint, inputs), (changed, notes), observer)?;
         dump::passed_over(&options.dump, run.shot.simulation().frame())
             .into_iter()
             .for_each(|text| observer.note(text));
@@ -176,7 +179,7 @@ impl<'a> Run<'a> {
     fn prepare(
         mut shot: Shot,
         options: &'a RunOptions,
-        fingerprint: Fingerprint,
+        (fingerprint, inputs): (Fingerprint, InputWatch),
         (changes, notes): (Vec<String>, Vec<String>),
         observer: &mut dyn Observer,
     ) -> Result<Self, ShotError> {
@@ -252,6 +255,7 @@ impl<'a> Run<'a> {
             dump: None,
             reported_cuts: BTreeSet::new(),
             saved,
+            inputs,
         })
     }
 
@@ -357,6 +361,13 @@ impl<'a> Run<'a> {
             line["digests"] = json!(digests);
         }
         self.tell_other_cuts(frame, &mut line, observer);
+        for path in self.inputs.written_over(&self.fingerprint.digests) {
+            observer.note(format!(
+                "input {} was written over and holds something else now: frame {frame} and those after it may follow either\n  \
+                 help: start over with --overwrite; save new versions under a new name, or rename them into place",
+                path.display()
+            ));
+        }
         self.output.record(&line)?;
         self.counted.add_line(line, frame).into_iter().for_each(|text| observer.note(text));
         self.output.frame_done(frame, taken)?;

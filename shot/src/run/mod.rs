@@ -7,6 +7,7 @@ mod counted;
 mod dump;
 mod folder;
 mod frame_loop;
+mod input_watch;
 mod kept_frames;
 mod observer;
 mod options;

@@ -113,7 +113,24 @@ fn the_last_ones_and_the_pinned_ones_are_kept() {
     }
     assert_eq!(places(&store), [(3, 0), (5, 0), (8, 0), (8, 4)]);
     let folder = out.path().join(FOLDER);
-    assert_eq!(names(&folder).len(), 8, "every checkpoint has its account, and nothing else is there");
+    assert_eq!(names(&folder).len(), 9, "every checkpoint has its account, and beside them are only the pinned frames");
+}
+
+#[test]
+fn frames_stay_pinned_in_later_attempts_until_the_run_is_replaced() {
+    let out = tempfile::tempdir().unwrap();
+    let first = Store::open(out.path(), 1, &[3]).unwrap();
+    (1..=4).for_each(|frame| drop(save(&first, frame, 0)));
+    let second = Store::open(out.path(), 1, &[7]).unwrap();
+    let third = Store::open(out.path(), 1, &[]).unwrap();
+    assert!(second.is_pinned(3) && third.is_pinned(3) && third.is_pinned(7) && !third.is_pinned(4));
+    (5..=9).for_each(|frame| drop(save(&third, frame, 0)));
+    assert_eq!(places(&third), [(3, 0), (7, 0), (9, 0)]);
+    fs::write(out.path().join(FOLDER).join(PINNED), "3\nseven\n").unwrap();
+    let refused = Store::open(out.path(), 1, &[]).unwrap_err().to_string();
+    assert!(refused.contains("line 2: \"seven\" is no frame") && refused.contains(PINNED), "{refused}");
+    Store::clear(out.path()).unwrap();
+    assert!(!Store::open(out.path(), 1, &[]).unwrap().is_pinned(3) && places(&third).is_empty());
 }
 
 #[test]
