@@ -171,6 +171,10 @@ impl Mesh {
         let points = reading.value_at(&self.points, code)?;
         let points = list(points).ok_or_else(|| self.bad(reading, format!("it has no points at time code {code}")))?;
         let velocities = list(reading.value_at(&self.prim.attribute("velocities").query(), code)?);
+        if let Some(velocities) = velocities.as_ref().filter(|velocities| velocities.len() != points.len()) {
+            let (found, wanted) = (velocities.len(), points.len());
+            return Err(self.bad(reading, format!("{found} velocities for {wanted} points at time code {code}")));
+        }
         let normals = self.prim.attribute("normals");
         let interpolation = metadata(reading, &normals, "interpolation")?.as_ref().and_then(word);
         let at_points = matches!(interpolation.as_deref(), None | Some("vertex" | "varying"));
