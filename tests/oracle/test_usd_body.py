@@ -139,6 +139,20 @@ def test_a_body_that_ends_too_early_or_changes_its_points_is_refused_by_name(tmp
     assert "body.usda, /m), frame 2: 4 points, but there were 3 at the start" in done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("ending", ["h5", "abc", "usd", "usdc"])
+def test_velocities_that_do_not_match_the_points_are_refused_by_name(ending, tmp_path):
+    cache = tmp_path / "cache.usda"
+    cache.write_text(
+        '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n framesPerSecond = 24\n timeCodesPerSecond = 24\n)\ndef Mesh "m" {\n'
+        " point3f[] points.timeSamples = { 0: [(0,0,0), (1,0,0), (0,1,0)], 1: [(0,0,1), (1,0,1), (0,1,1)] }\n"
+        " vector3f[] velocities = [(0,0,1), (0,0,1)]\n int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0, 1, 2]\n}"
+    )
+    command = [program("DRAPERY", "drapery"), "convert", cache, tmp_path / f"out.{ending}"]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 65 and "/m: 2 velocities for 3 points" in done.stderr, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["cache.usda"]
+
+
 def test_a_small_layer_that_promises_gigabytes_is_refused(tmp_path):
     """Samples that are alike are one array on disk, and would be as many in memory."""
     body = tmp_path / "body.usdc"
