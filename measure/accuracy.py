@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from measure.page import Table
-from measure.runs import run
+from measure.runs import LONG, SHORT, run
 from measure.scenes import sample, without_tables, woman
 
 PAGE = "dev/measurements/accuracy.md"
@@ -37,13 +37,13 @@ def presets(make, frames, steps, cfl):
     cloth touches cloth or bodies, because contact acts otherwise in long steps."""
 
     def long(count):
-        return ['solver.integrator="tr_bdf2"', f"solver.steps_per_frame={count}"]
+        return [*LONG, f"solver.steps_per_frame={count}"]
 
     def measure():
         of = lambda *settings: run(make(), frames, settings)
         own = [of(*long(count), *TIGHT) for count in (steps, steps // 2)]
-        short = [of(f"solver.cfl={number}", *TIGHT) for number in (cfl, 2 * cfl)] if cfl else own
-        made = [(f"short, cfl {number}", of(f"solver.cfl={number}"), short[0]) for number in (4, 2)]
+        short = [of(*SHORT, f"solver.cfl={number}", *TIGHT) for number in (cfl, 2 * cfl)] if cfl else own
+        made = [(f"short, cfl {number}", of(*SHORT, f"solver.cfl={number}"), short[0]) for number in (4, 2)]
         made += [(f"long, {word}", of(f'solver.preset="{word}"'), own[0]) for word in ("preview", "production", "hero")]
         made += [("long, 32 steps", of(*long(32)), own[0])]
         known = horizon(own, made[3][1])
