@@ -195,6 +195,7 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     ('{ file = "control.abc", channel = "/shot/control.rte" }', "there is no such property"),
     ('{ file = "control.abc", channel = "/shot/controls.rate" }', "/shot/controls"),
     ('{ file = "control.abc", channel = "/shot/control.word" }', "it does not hold numbers"),
+    ('{ file = "control.usda", channel = "/shot/control.rte" }', "there is no such attribute"),
     ('{ file = "control.usda", channel = "/shot/control.rte" }', "its attributes of numbers are"),
     ('{ file = "control.usda", channel = "/shot/controls.rate" }', "the stage has no such prim"),
     ('{ file = "control.usda", channel = "/shot/control.word" }', "it does not hold numbers"),

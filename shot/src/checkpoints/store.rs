@@ -227,12 +227,8 @@ impl Store {
     /// # Errors
     /// A file cannot be removed.
     pub(crate) fn clear(out: &Path) -> Result<(), IoError> {
-        let folder = out.join(FOLDER);
-        if !folder.exists() {
-            return Ok(());
-        }
-        entries(&folder)?.iter().try_for_each(|entry| remove(&entry.path))?;
-        remove_file(&folder.join(PINNED))
+        list(out)?.iter().try_for_each(|entry| remove(&entry.path))?;
+        remove_file(&out.join(FOLDER).join(PINNED))
     }
 
     /// Removes all but the last few, the pinned ones and `saved`.

@@ -85,14 +85,14 @@ pub(super) const H3: Case = Case {
         // Long steps solve the even sheet in one iteration, the fewest there are, and no mass tells. There the even cells are those of the
         // lightest vertices.
         let width = side * bench.by_integrator(1.0 / cells as f64, stretch(1.0 / cells as f64));
-        let mut even = hanging(cells, width, 100.0);
+        let even = hanging(cells, width, 100.0);
         let mut uneven = hanging(cells, side / cells as f64, 100.0);
         uneven.garments[0].mesh.points.iter_mut().for_each(|p| *p = Vec3::new(share(p.x), 0.0, share(p.z)));
-        let mut run = |description: &mut SceneDescription| {
+        let mut run = |mut description: SceneDescription| {
             description.timeline.fps_numerator = 240;
-            bench.simulate(&Trial::still(description.clone(), 3))
+            bench.simulate(&Trial::still(description, 3))
         };
-        let (even, uneven) = (run(&mut even)?, run(&mut uneven)?);
+        let (even, uneven) = (run(even)?, run(uneven)?);
         let masses = uneven.masses.concat();
         let ratio =
             masses.iter().fold(0.0, |a: f64, b| a.max(*b)) / masses.iter().fold(f64::INFINITY, |a, b| a.min(*b));
