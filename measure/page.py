@@ -3,6 +3,7 @@
 import datetime
 import os
 import platform
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -29,9 +30,10 @@ def commit():
 
 
 def processor():
-    """The processor's name."""
+    """The processor's name, without trade marks: a table's cells are narrow."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
-    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    name = next((line.split(":")[1] for line in lines if line.startswith("model name")), platform.machine())
+    return " ".join(re.sub(r"\((R|TM)\)|\bProcessor\b|\bCPU\b|@", " ", name).split())
 
 
 def circumstances():
