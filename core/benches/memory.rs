@@ -286,6 +286,7 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
     let problem = VelocityProblem {
         parts,
         masses,
+        effective_masses: None,
         context,
         pins: None,
         contacts: None,

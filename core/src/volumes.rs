@@ -14,11 +14,53 @@ use crate::parallel::parts::Parts;
 #[derive(Debug)]
 pub(crate) struct Volume {
     garment: usize,
+    /// The gas that it holds, once that is known.
+    gas: Option<Gas>,
     /// For each own part the corners of the triangles that it counts, local vertices.
     triangles: Vec<Vec<[u32; 3]>>,
     sums: Vec<f64>,
     /// The last one [m³].
     value: f64,
+}
+
+/// A fixed amount of gas.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Gas {
+    /// Pressure outside [Pa].
+    pub(crate) ambient: f64,
+    /// Inside less outside at rest [Pa].
+    pub(crate) overpressure: f64,
+    /// Volume at rest [m³], negative if the faces look inwards.
+    pub(crate) rest_volume: f64,
+}
+
+/// Share of its volume at rest below which gas is no longer squeezed: its pressure would leave the range of numbers.
+const SQUEEZED: f64 = 0.01;
+
+impl Gas {
+    /// Volume over the volume at rest, where gas is squeezed.
+    fn share(&self, volume: f64) -> f64 {
+        (volume / self.rest_volume).max(SQUEEZED)
+    }
+
+    /// Inside less outside at this volume [Pa].
+    pub(crate) fn pressure(&self, volume: f64) -> f64 {
+        (self.ambient + self.overpressure) / self.share(volume) - self.ambient
+    }
+
+    /// Fall of the pressure with a volume that grows outwards [Pa/m³].
+    pub(crate) fn stiffness(&self, volume: f64) -> f64 {
+        let share = self.share(volume);
+        let stiffness = (self.ambient + self.overpressure) / (share * share * self.rest_volume.abs());
+        if share > SQUEEZED { stiffness.max(0.0) } else { 0.0 }
+    }
+
+    /// Work of the ambient air less the work of the gas since it was at rest [J].
+    pub(crate) fn energy(&self, volume: f64) -> f64 {
+        let share = self.share(volume);
+        let work = self.ambient * (share - 1.0) - (self.ambient + self.overpressure) * share.ln();
+        work * self.rest_volume.abs()
+    }
 }
 
 /// Six times the volume between a triangle and the origin [m³], positive where the origin lies behind it.
@@ -35,12 +77,17 @@ impl Volume {
         for (part, all) in of_parts {
             triangles[*part] = all.corners().iter().copied().filter(|corners| all.counts(corners)).collect();
         }
-        Self { garment, triangles, sums: vec![0.0; parts.count()], value: 0.0 }
+        Self { garment, gas: None, triangles, sums: vec![0.0; parts.count()], value: 0.0 }
     }
 
     /// The volume at the last update [m³]; negative where faces are wound the wrong way.
     pub(crate) fn value(&self) -> f64 {
         self.value
+    }
+
+    /// Fills it with gas.
+    pub(crate) fn fill(&mut self, gas: Gas) {
+        self.gas = Some(gas);
     }
 
     /// Memory held [bytes].
@@ -51,6 +98,16 @@ impl Volume {
 }
 
 impl Volume {
+    /// The garment that encloses it.
+    pub(crate) fn garment(&self) -> usize {
+        self.garment
+    }
+
+    /// Fall of the pressure of its gas with its growth [Pa/m³], at the last update.
+    pub(crate) fn stiffness(&self) -> f64 {
+        self.gas.map_or(0.0, |gas| gas.stiffness(self.value))
+    }
+
     /// Finds the volume at the positions `x` of all local vertices [m]. All ranks call it together.
     pub(crate) fn update(&mut self, parts: &Parts, x: &[Vec3]) {
         let triangles = &self.triangles;

@@ -55,3 +55,19 @@ fn a_fall_through_a_medium_follows_the_exponential_with_second_order() {
         assert!((pair[0] / pair[1] / 4.0 - 1.0).abs() < 0.05, "{errors:?}");
     }
 }
+
+/// A sheet with springs as in the samples, thrown through a medium at rest for a second at the solves' own tolerance.
+#[test]
+fn drag_keeps_its_rate_at_the_tolerance_of_a_scene() {
+    let mut garment = GarmentDescription::new("sheet", sheet(8, 8, 0.1), 0.2);
+    garment.velocity = THROWN;
+    let mut description = scene_of(garment, 24);
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 500.0));
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 0.5));
+    let mut simulation = start(description);
+    run(&mut simulation, 24);
+    let exact = THROWN * (-0.5_f64).exp();
+    for v in velocities(&simulation) {
+        assert!((v - exact).norm() < 1e-3 * exact.norm(), "{v:?}, not {exact:?}");
+    }
+}

@@ -15,7 +15,7 @@
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, Linearised, PartMotion, PartView};
+use crate::effects::force::{BlockFactors, Force, Linearised, PartView};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -48,7 +48,7 @@ rate = 1.0",
     needs: &[Need::State],
     elements: "vertices",
     maps: &[MapSpec::of("ether_drag", &["rate"])],
-    cost: Cost { update: 2.0, product: 1.0, ..Cost::NONE },
+    cost: Cost { update: 2.0, ..Cost::NONE },
     build,
     ..EffectSpec::BARE
 };
@@ -83,10 +83,8 @@ impl Force for EtherDrag {
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
-        for ((f, drag), v) in f.iter_mut().zip(&self.drag).zip(motion.own_v) {
-            *f -= *v * *drag;
-        }
+    fn vertex_drag(&self) -> &[f64] {
+        &self.drag
     }
 
     fn linearised(&self) -> Option<&dyn Linearised> {

@@ -107,8 +107,20 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Simd4]) {}
 
+    /// Coefficients c of a drag −c v on each vertex of the part alone [kg/s], none negative; empty if the force has no drag.
+    fn vertex_drag(&self) -> &[f64] {
+        &[]
+    }
+
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
+
+    /// The same of those that are explicit in implicit steps, too.
+    fn add_explicit_stiffness(&self, sums: &mut [f64]) {
+        if self.linearised().is_none() {
+            self.add_stiffness(sums);
+        }
+    }
 
     /// Vertices of other parts that the force looks at: a part without such on other ranks need not wait for them.
     fn neighbours(&self) -> &[u32] {
@@ -125,6 +137,11 @@ pub trait Force: Send + Sync {
 
     /// The force as one with derivatives; `None` if it is explicit in every step.
     fn linearised(&self) -> Option<&dyn Linearised> {
+        None
+    }
+
+    /// The force as one of gas that the garment encloses; `None` if it is not.
+    fn enclosing(&self) -> Option<&dyn Enclosing> {
         None
     }
 
@@ -163,6 +180,13 @@ pub trait Linearised {
     /// just before with the same view: D and K are minus the derivatives of the force by velocity and by position, made
     /// positive semidefinite. `slots` are those of the visited elements, of each in the order of [`PartBlocks::slots`].
     fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, slots: &[Slot], rows: &mut PartBlocks);
+}
+
+/// A force by which enclosed gas pushes its garment: its pressure, which depends on the volume, times the volume's gradient.
+pub trait Enclosing {
+    /// Adds the derivative of the volume by the positions of the part's own vertices, at the positions `x` [m] of all, to
+    /// `gradient` [m²].
+    fn add_volume_gradient(&self, x: &[Vec3], gradient: &mut [Simd4]);
 }
 
 /// A force between vertices that keep a distance.

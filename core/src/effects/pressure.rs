@@ -17,13 +17,14 @@
 //! ```
 //!
 //! Limits: the gas has no weight and no flow; one volume for each garment, so a garment of several closed pieces shares its
-//! gas. Gas is stiff (the earth's air has 100 kPa): light cloth takes short steps. `open = true` lets the surface have edges,
-//! which then feel a net force, as a parachute does.
+//! gas. Gas is stiff (the earth's air has 100 kPa): semi-implicit steps of light cloth are short. Implicit steps take the gas into
+//! their matrix ([`crate::solve::volume_terms`]); what limits them is the pressure that turns with its triangles. `open = true` lets
+//! the surface have edges, which then feel a net force, as a parachute does.
 
 #![cfg(feature = "effects")]
 
 use crate::Vec3;
-use crate::effects::force::{Force, ForceContext, PartView};
+use crate::effects::force::{Enclosing, Force, ForceContext, PartView};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Study};
 use crate::elements::at_corners;
 use crate::elements::part_triangles::{PartTriangles, area_vector};
@@ -33,7 +34,7 @@ use crate::parallel::problems::listed;
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
-use crate::volumes::{Volume, own_in_mesh, volume_of};
+use crate::volumes::{Gas, Volume, own_in_mesh, volume_of};
 
 /// Registry entry.
 pub(crate) static SPEC: EffectSpec = EffectSpec {
@@ -74,7 +75,7 @@ const FIELDS: &[Field] = &[
         dimension: Dimension::Pressure,
         default: Default::Number(101_325.0),
         range: (1.0, 1e7),
-        help: "with `gas`: pressure outside; the larger it is, the stiffer the gas and the shorter the time steps",
+        help: "with `gas`: pressure outside; the larger it is, the stiffer the gas and the shorter the steps of `semi_implicit`",
     },
     Field {
         name: "open",
@@ -84,9 +85,6 @@ const FIELDS: &[Field] = &[
         help: "true: the garment may have open edges; not with `gas`",
     },
 ];
-
-/// Share of its volume at rest below which gas is no longer squeezed: its pressure would leave the range of numbers.
-const SQUEEZED: f64 = 0.01;
 
 /// The pressure on one part.
 struct PartPressure {
@@ -98,24 +96,9 @@ struct PartPressure {
     side: f64,
     /// If the amount of gas stays.
     gas: Option<Gas>,
-    /// Contribution of each vertex to the step limit [N/m].
-    stiffness: Vec<f64>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Gas {
-    /// Pressure outside [Pa].
-    ambient: f64,
-    /// Volume at rest [m³], negative if the faces look inwards.
-    rest_volume: f64,
-}
-
-impl Gas {
-    /// Inside less outside at this volume [Pa].
-    fn pressure(&self, overpressure: f64, volume: f64) -> f64 {
-        let share = (volume / self.rest_volume).max(SQUEEZED);
-        (self.ambient + overpressure) / share - self.ambient
-    }
+    /// Contributions of each vertex to the step limit [N/m]: of pressure that turns with its triangles, and of gas.
+    turning: Vec<f64>,
+    breathing: Option<Vec<f64>>,
 }
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -146,14 +129,17 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     // Faces that all look inwards are as good as ones that look outwards.
     let side = if rest_volume < 0.0 && !open { -1.0 } else { 1.0 };
     let overpressure = settings.number("overpressure");
-    let gas = has_gas.then(|| Gas { ambient: settings.number("ambient"), rest_volume });
+    let gas = has_gas.then(|| Gas { ambient: settings.number("ambient"), overpressure, rest_volume });
+    gas.into_iter().for_each(|gas| volume.fill(gas));
     let mut effect = Effect { bytes: if has_gas { volume.bytes() } else { 0 }, ..Effect::default() };
-    let breathing = gas.map_or(0.0, |gas| breathing(scene, &of_parts, gas, overpressure, &x));
+    let breathing = gas.map_or(0.0, |gas| breathing(scene, &of_parts, gas, &x));
     for (part, triangles) in of_parts {
-        let stiffness = stiffness(scene, part, &triangles, overpressure.abs(), breathing, &x);
+        let turning = turning_stiffness(scene, part, &triangles, overpressure.abs(), &x);
         effect.elements += triangles.counted();
-        effect.bytes += triangles.bytes() + size_of_val(stiffness.as_slice());
-        let force = PartPressure { garment, triangles, overpressure, side, gas, stiffness };
+        effect.bytes += triangles.bytes() + size_of_val(turning.as_slice());
+        let breathing = gas.map(|_| breathing_stiffness(scene, part, &triangles, breathing));
+        effect.bytes += breathing.as_deref().map_or(0, size_of_val);
+        let force = PartPressure { garment, triangles, overpressure, side, gas, turning, breathing };
         effect.forces.push((part, Box::new(force)));
     }
     effect.volume = has_gas.then_some(volume);
@@ -161,7 +147,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
 }
 
 /// The square of the frequency at which gas lets a garment breathe [1/s²]: `P/V Σ |g|²/m` with g the area of each vertex.
-fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, overpressure: f64, x: &[Vec3]) -> f64 {
+fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, x: &[Vec3]) -> f64 {
     let parts = scene.parts();
     let mut sums = vec![0.0; parts.count()];
     for (part, triangles) in of_parts {
@@ -173,22 +159,12 @@ fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, overp
         sums[*part] = areas.iter().zip(&scene.masses()[range]).map(|(g, m)| g.dot(*g) / m).sum();
     }
     let [sum] = parts.join_parts(&[&sums]);
-    (gas.ambient + overpressure).abs() / gas.rest_volume.abs() * sum
+    (gas.ambient + gas.overpressure).abs() / gas.rest_volume.abs() * sum
 }
 
-/// Returns the contribution of each vertex of a part to the step limit [N/m].
-///
-/// A triangle that moves turns the pressure on it: a corner feels at most p/6 times its perimeter per way of the others, which
-/// is doubled for what inflates. Gas moves all vertices together: with `2 m ω²` at each the limit is 1.4/ω at the CFL number 4,
-/// where 2/ω is stable.
-fn stiffness(
-    scene: &Scene,
-    part: usize,
-    triangles: &PartTriangles,
-    pressure: f64,
-    breathing: f64,
-    x: &[Vec3],
-) -> Vec<f64> {
+/// Returns the contribution of the turning of pressure to the step limit for each vertex of a part [N/m]: a triangle that moves turns
+/// the pressure on it, and a corner feels at most p/6 times its perimeter per way of the others, which is doubled for what inflates.
+fn turning_stiffness(scene: &Scene, part: usize, triangles: &PartTriangles, pressure: f64, x: &[Vec3]) -> Vec<f64> {
     let range = scene.parts().ranges()[part].clone();
     let mut sums = vec![0.0; range.len()];
     for corners in triangles.corners() {
@@ -200,16 +176,27 @@ fn stiffness(
             }
         }
     }
-    // Only vertices of this garment have triangles of it.
-    let masses = sums.iter_mut().zip(&scene.masses()[range]).filter(|(sum, _)| breathing > 0.0 || **sum > 0.0);
-    masses.for_each(|(sum, mass)| *sum += 2.0 * mass * breathing);
+    sums
+}
+
+/// Returns the contribution of gas to the step limit for each vertex of a part [N/m], from the square of the frequency at which the garment
+/// breathes [1/s²]. Gas moves all vertices together: with `2 m ω²` at each the limit is 1.4/ω at the CFL number 4, where 2/ω is stable.
+fn breathing_stiffness(scene: &Scene, part: usize, triangles: &PartTriangles, breathing: f64) -> Vec<f64> {
+    let range = scene.parts().ranges()[part].clone();
+    let masses = &scene.masses()[range.clone()];
+    let mut sums = vec![0.0; range.len()];
+    for vertex in triangles.corners().iter().flatten() {
+        if let Some(place) = (*vertex as usize).checked_sub(range.start).filter(|place| *place < sums.len()) {
+            sums[place] = 2.0 * masses[place] * breathing;
+        }
+    }
     sums
 }
 
 impl PartPressure {
     /// Inside less outside [Pa].
     fn pressure(&self, context: &ForceContext<'_>) -> f64 {
-        self.gas.map_or(self.overpressure, |gas| gas.pressure(self.overpressure, context.volumes.of(self.garment)))
+        self.gas.map_or(self.overpressure, |gas| gas.pressure(context.volumes.of(self.garment)))
     }
 }
 
@@ -222,7 +209,16 @@ impl Force for PartPressure {
     }
 
     fn add_stiffness(&self, sums: &mut [f64]) {
-        sums.iter_mut().zip(&self.stiffness).for_each(|(sum, own)| *sum += own);
+        self.add_explicit_stiffness(sums);
+        sums.iter_mut().zip(self.breathing.iter().flatten()).for_each(|(sum, own)| *sum += own);
+    }
+
+    fn add_explicit_stiffness(&self, sums: &mut [f64]) {
+        sums.iter_mut().zip(&self.turning).for_each(|(sum, own)| *sum += own);
+    }
+
+    fn enclosing(&self) -> Option<&dyn Enclosing> {
+        self.gas.is_some().then_some(self)
     }
 
     fn neighbours(&self) -> &[u32] {
@@ -233,13 +229,19 @@ impl Force for PartPressure {
         let here = volume_of(self.triangles.corners(), |corners| self.triangles.counts(corners), view.x);
         match self.gas {
             None => -self.overpressure * self.side * here,
-            Some(Gas { ambient, rest_volume }) => {
-                // Work of the ambient air less that of the gas, shared out by what each part has of the volume.
+            // Shared out by what each part has of the volume.
+            Some(gas) => {
                 let all = view.context.volumes.of(self.garment);
-                let share = (all / rest_volume).max(SQUEEZED);
-                let work = ambient * (share - 1.0) - (ambient + self.overpressure) * share.ln();
-                work * rest_volume.abs() * here / all
+                gas.energy(all) * here / all
             }
+        }
+    }
+}
+
+impl Enclosing for PartPressure {
+    fn add_volume_gradient(&self, x: &[Vec3], gradient: &mut [Simd4]) {
+        for corners in self.triangles.corners() {
+            self.triangles.add(corners, &(area_vector(&at_corners(corners, x)) / 3.0), gradient);
         }
     }
 }

@@ -12,9 +12,13 @@ pub(crate) fn longest_stable_step(
     sums: &mut [f64],
 ) -> f64 {
     let cfl = settings.cfl;
-    let explicit =
-        forces.iter().filter(|force| !settings.integrator.spec().is_implicit || force.linearised().is_none());
-    explicit.for_each(|f| f.add_stiffness(sums));
+    for force in forces {
+        if settings.integrator.spec().is_implicit {
+            force.add_explicit_stiffness(sums);
+        } else {
+            force.add_stiffness(sums);
+        }
+    }
     let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
     squared.fold(f64::INFINITY, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt })
 }

@@ -359,7 +359,7 @@ impl Simulation {
         let contacts = Contacts { bodies: collision, cloth: self_contact };
         let with_v_star = contacts.bodies.is_some();
         let stages = solver.integrator.spec().is_implicit.then(|| StageArrays::new(parts, &forces));
-        let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
+        let scratch = Scratch::new(&scene, &forces, [with_v_star, sees_velocities], stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
         Ok(Self {

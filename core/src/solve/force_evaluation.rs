@@ -102,7 +102,13 @@ impl ForceEvaluation<'_> {
         let mut f = [Simd4::ZERO; PART_SIZE];
         view.update(forces, &mut f);
         let f = &mut f[..range.len()];
-        PartMotion::with(range, x, self.v, |motion| forces.iter().for_each(|force| force.add_damping(motion, f)));
+        PartMotion::with(range, x, self.v, |motion| {
+            for force in forces.iter() {
+                force.add_damping(motion, f);
+                let drag = force.vertex_drag().iter().zip(motion.own_v);
+                f.iter_mut().zip(drag).for_each(|(f, (drag, v))| *f -= *v * *drag);
+            }
+        });
         out.iter_mut().zip(&*f).for_each(|(out, f)| *out = Vec3::from(*f));
         let Some(Assembly { factors, slots, rows }) = assembly else { return };
         rows.clear();

@@ -2,6 +2,9 @@
 //!
 //! `(I - h M⁻¹ G) v' = v + h M⁻¹ F` with h half the time step, F the forces that do not depend on velocity and G the damping
 //! matrix, both at given positions.
+//!
+//! A drag −c v that acts on each vertex alone is not in G: moved to the left side it divides the equation of its vertex by
+//! 1 + h c/m, as [`EffectiveMasses`] m + h c do. It is then exact at every tolerance of the solve.
 
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
@@ -15,12 +18,50 @@ use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System}
 /// Forces of every part, in the order of the registry.
 pub type PartForces = Vec<Vec<Box<dyn Force>>>;
 
+/// Masses of the solves, m + h c with the drag coefficient c of each vertex.
+#[derive(Debug, Default)]
+pub struct EffectiveMasses(Vec<f64>);
+
+impl EffectiveMasses {
+    /// For these forces; without memory where none of them has a drag.
+    pub fn new(forces: &PartForces, masses: &[f64]) -> Self {
+        let has_drag = forces.iter().flatten().any(|force| !force.vertex_drag().is_empty());
+        Self(if has_drag { masses.to_vec() } else { Vec::new() })
+    }
+
+    /// Sets those of the own vertices for half a time step h [s].
+    pub fn set(&mut self, parts: &Parts, forces: &PartForces, masses: &[f64], half_step: f64) {
+        if self.0.is_empty() {
+            return;
+        }
+        self.0.copy_from_slice(masses);
+        for (range, forces) in parts.ranges().iter().zip(forces) {
+            for force in forces {
+                let drag = self.0[range.clone()].iter_mut().zip(force.vertex_drag());
+                drag.for_each(|(mass, drag)| *mass += half_step * drag);
+            }
+        }
+    }
+
+    /// Those of the own vertices among the local ones [kg]; `None` where there is no drag.
+    pub fn get(&self) -> Option<&[f64]> {
+        (!self.0.is_empty()).then_some(&self.0)
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.0)
+    }
+}
+
 /// Inputs of the solve.
 pub struct VelocityProblem<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
+    /// Those of the solve where a force has a drag: [`EffectiveMasses`].
+    pub effective_masses: Option<&'a [f64]>,
     /// Inputs of the forces in addition to the positions.
     pub context: ForceContext<'a>,
     /// Hard pins, if there are any.
@@ -60,7 +101,7 @@ impl System for DampingSystem<'_> {
         PartMotion::with(range.clone(), self.problem.x, s, |motion| {
             self.forces[part].iter().for_each(|force| force.add_damping(motion, f));
         });
-        let (h, masses) = (self.problem.half_step, &self.problem.masses[range]);
+        let (h, masses) = (self.problem.half_step, &self.problem.masses_of_solve()[range]);
         for ((q, f), m) in q.iter_mut().zip(f).zip(masses) {
             *q = (*f * (h / m)).into();
         }
@@ -90,7 +131,13 @@ pub(crate) fn stop_held(held: &[u32], start: usize, vectors: &mut [Vec3]) {
 }
 
 impl VelocityProblem<'_> {
-    /// Solves from `v`; the solution goes to `out`, `b = v + h M⁻¹ F` to `explicit`. Forces remember the directions at `x`.
+    /// Masses of the local vertices with which the system is solved [kg].
+    fn masses_of_solve(&self) -> &[f64] {
+        self.effective_masses.unwrap_or(self.masses)
+    }
+
+    /// Solves from `v`; the solution goes to `out`, `b = (M v + h F) / (M + h c)` to `explicit`. Forces remember the directions
+    /// at `x`.
     pub fn solve(
         &self,
         forces: &mut PartForces,
@@ -113,6 +160,13 @@ impl VelocityProblem<'_> {
                 *b = v + Vec3::from(*f * (self.half_step / m));
                 *out = *b;
             }
+            if let Some(effective) = self.effective_masses {
+                let slowed = explicit.0.iter_mut().zip(&mut *out.0).zip(masses.iter().zip(&effective[range.clone()]));
+                for ((b, out), (mass, effective)) in slowed {
+                    *b *= mass / effective;
+                    *out = *b;
+                }
+            }
             if let Some(contacts) = self.contacts {
                 contacts.set_velocities(range.start, out.0);
             }
@@ -123,7 +177,7 @@ impl VelocityProblem<'_> {
             stop_held(self.held, range.start, out.0);
         });
         self.parts.halo().update(self.parts.ranks(), out);
-        cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)
+        cg.solve(self.parts, self.masses_of_solve(), &DampingSystem { problem: self, forces }, out, self.stop)
     }
 
     /// Undoes the projection: `v ← b + h M⁻¹ G v_cg`, so that constrained vertices get back the velocity that the forces
@@ -147,8 +201,16 @@ impl VelocityProblem<'_> {
                 return;
             }
             system.damping(part, v_cg, out.0);
-            for (out, b) in out.0.iter_mut().zip(&explicit[range]) {
+            for (out, b) in out.0.iter_mut().zip(&explicit[range.clone()]) {
                 *out += b;
+            }
+            if let Some(effective) = self.effective_masses {
+                // The drag acts on the velocity of the solution, not on the load that its constraints take.
+                let loads = out.0.iter_mut().zip(&v_cg[range.clone()]);
+                for ((out, v), (mass, effective)) in loads.zip(self.masses[range.clone()].iter().zip(&effective[range]))
+                {
+                    *out = v + (*out - v) * (effective / mass);
+                }
             }
         });
     }

@@ -10,3 +10,4 @@ pub mod implicit_velocity;
 mod multilevel;
 pub(crate) mod pair_terms;
 pub mod preconditioned_cg;
+pub(crate) mod volume_terms;

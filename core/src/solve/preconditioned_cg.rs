@@ -23,6 +23,7 @@ use crate::solve::constraints::Constraints;
 use crate::solve::ghost_directions::{AT_REST, GhostDirections, GhostRow};
 use crate::solve::multilevel::Multilevel;
 use crate::solve::pair_terms::PairTerms;
+use crate::solve::volume_terms::VolumeTerms;
 
 /// Stopping rule of the solves of Newton's method: errors that the next step makes anyway are not worth iterations
 /// (S. C. Eisenstat, H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17,
@@ -59,6 +60,8 @@ pub struct PreconditionedCg {
     constraints: Constraints,
     /// Terms that pairs in touch add to A.
     pairs: PairTerms,
+    /// Terms that enclosed gas adds to A.
+    volumes: VolumeTerms,
     ghosts: GhostDirections,
     r: Vec<Simd4>,
     q: Vec<Simd4>,
@@ -82,6 +85,7 @@ impl PreconditionedCg {
             coarse: Multilevel::new(parts, matrix),
             constraints: Constraints::none(parts),
             pairs: PairTerms::default(),
+            volumes: VolumeTerms::default(),
             ghosts: GhostDirections::default(),
             r: own.clone(),
             q: own,
@@ -101,6 +105,7 @@ impl PreconditionedCg {
             + self.coarse.bytes()
             + self.constraints.bytes()
             + self.pairs.bytes()
+            + self.volumes.bytes()
             + self.ghosts.bytes()
     }
 
@@ -112,6 +117,11 @@ impl PreconditionedCg {
     /// The same, to be changed; after a solve they have their products with the solution.
     pub(crate) fn pairs_mut(&mut self) -> &mut PairTerms {
         &mut self.pairs
+    }
+
+    /// The volumes of gas, which are part of A but not of its preconditioner: each adds one eigenvalue, which takes one iteration.
+    pub(crate) fn volumes_mut(&mut self) -> &mut VolumeTerms {
+        &mut self.volumes
     }
 
     /// Makes the preconditioner that of this system. It may be kept while matrix and constraints change: solves then take more
@@ -322,13 +332,15 @@ impl PreconditionedCg {
     fn product(&mut self, system: &BlockSystem<'_, impl Projection>) -> f64 {
         let (parts, s) = (system.parts, &self.s);
         self.pairs.multiply(&s[parts.own()], self.ghosts.node_directions());
-        let (constraints, pairs) = (&self.constraints, &self.pairs);
+        self.volumes.multiply(parts, s);
+        let (constraints, pairs, volumes) = (&self.constraints, &self.pairs, &self.volumes);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
             if !system.worked_on[part] {
                 return;
             }
             system.matrix.parts()[part].multiply_padded(s, q.0);
             pairs.add_product(part, q.0);
+            volumes.add_product(parts, part, q.0);
             constraints.project(part, q.0);
             let chunks = s[parts.ranges()[part].clone()].chunks(SUM_BLOCK).zip(q.0.chunks(SUM_BLOCK));
             for (dot, (s, q)) in dots.0.iter_mut().zip(chunks) {

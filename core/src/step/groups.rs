@@ -13,8 +13,9 @@ use crate::observe::Quantity;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
+use crate::scene::Scene;
 use crate::solve::conjugate_gradient::ConjugateGradient;
-use crate::solve::implicit_velocity::PartForces;
+use crate::solve::implicit_velocity::{EffectiveMasses, PartForces};
 use crate::state::State;
 use crate::step::implicit::StageArrays;
 use crate::volumes::Volumes;
@@ -139,6 +140,8 @@ pub(crate) struct Scratch {
     pub(super) x_middle: Vec<Vec3>,
     /// The explicit part of a solve, v + dt/2 · M⁻¹F [m/s].
     pub(super) explicit: Vec<Vec3>,
+    /// Masses of the solves where a force has a drag on each vertex.
+    pub(super) effective_masses: EffectiveMasses,
     /// Velocities that forces see in B.5 [m/s]; empty if none looks.
     pub(super) v_seen: Vec<Vec3>,
     pub(super) cg: ConjugateGradient,
@@ -149,18 +152,27 @@ pub(crate) struct Scratch {
 }
 
 impl Scratch {
-    /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
+    /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `sees_velocities` if forces
     /// look at velocities, `stages` where the integrator is implicit.
-    pub(crate) fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
+    pub(crate) fn new(
+        scene: &Scene,
+        forces: &PartForces,
+        [with_v_star, sees_velocities]: [bool; 2],
+        stages: Option<StageArrays>,
+    ) -> Self {
+        let (parts, is_implicit) = (scene.parts(), stages.is_some());
+        let effective_masses =
+            if is_implicit { EffectiveMasses::default() } else { EffectiveMasses::new(forces, scene.masses()) };
         let vertices = vec![Vec3::zeros(); parts.local_count()];
         let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
-        let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
+        let (v_star, v_seen) = (only_if(with_v_star), only_if(sees_velocities && !is_implicit));
         Self {
             v_half: vertices.clone(),
             v_star,
             x_new: vertices.clone(),
             x_middle: vertices.clone(),
             explicit: vertices,
+            effective_masses,
             v_seen,
             cg: ConjugateGradient::new(parts),
             stages: stages.map(Box::new),
@@ -180,6 +192,7 @@ impl Scratch {
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
+            + self.effective_masses.bytes()
             + self.cg.bytes()
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())
             + self.active.bytes()

@@ -28,6 +28,7 @@ struct Evaluation<'a> {
     /// Positions and velocities of the local vertices [m], [m/s].
     x: &'a [Vec3],
     v: &'a [Vec3],
+    effective_masses: Option<&'a [f64]>,
     prescribed: &'a Prescribed,
     volumes: &'a Volumes,
     wind: &'a WindGrid,
@@ -39,11 +40,12 @@ impl<'a> Solves<'a> {
     where
         'a: 'b,
     {
-        let Evaluation { fraction, x, v, prescribed, volumes, wind, contacts } = at;
+        let Evaluation { fraction, x, v, effective_masses, prescribed, volumes, wind, contacts } = at;
         let StepSettings { dt, stop, held, .. } = self.settings;
         VelocityProblem {
             parts: self.parts,
             masses: self.masses,
+            effective_masses,
             context: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
             pins: prescribed.pins.as_ref(),
             contacts,
@@ -80,12 +82,14 @@ impl<'a> Step<'a> {
     fn half_velocity(&mut self) {
         let solves = self.solves();
         let Self { parts, cloth, dynamics, prescribed, metrics, report, .. } = self;
-        let (state, Scratch { v_half, explicit, cg, .. }) = (&cloth.state, &mut cloth.scratch);
+        let (state, Scratch { v_half, explicit, effective_masses, cg, .. }) = (&cloth.state, &mut cloth.scratch);
         let Dynamics { forces, volumes, wind, .. } = &mut **dynamics;
         metrics.stage("B.1 velocity", |m| {
             volumes.update(parts, &state.x);
             let (x, v) = (&state.x[..], &state.v[..]);
-            let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, contacts: None };
+            effective_masses.set(parts, forces, solves.masses, 0.5 * solves.settings.dt);
+            let effective_masses = effective_masses.get();
+            let at = Evaluation { fraction: 0.0, x, v, effective_masses, prescribed, volumes, wind, contacts: None };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             report.add(outcome, "B.1", (parts, m), || cg.unsolved(parts, solves.settings.stop));
@@ -102,10 +106,11 @@ impl<'a> Step<'a> {
             scratch.set_middle(state);
             volumes.update(parts, &scratch.x_middle);
             scratch.predict_velocity(parts, &state.v);
-            let Scratch { v_half, v_star, x_middle, explicit, v_seen, cg, .. } = scratch;
+            let Scratch { v_half, v_star, x_middle, explicit, effective_masses, v_seen, cg, .. } = scratch;
             let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
             let (contacts, x) = (contacts.bodies.as_ref(), &x_middle[..]);
-            let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, contacts };
+            let effective_masses = effective_masses.get();
+            let at = Evaluation { fraction: 0.5, x, v: v_seen, effective_masses, prescribed, volumes, wind, contacts };
             let problem = solves.at(at);
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             report.add(outcome, "B.5", (parts, m), || cg.unsolved(parts, solves.settings.stop));

@@ -136,14 +136,17 @@ impl<'a> StageSolver<'a> {
 
     /// The forces on the parts that are worked on, at a fraction of the step, and the matrix with these factors.
     fn evaluate(&mut self, fraction: f64, matrix_factors: Option<BlockFactors>) {
-        let StageArrays { matrix, slots, x, v, f, worked_on, .. } = &mut *self.arrays;
+        let StageArrays { matrix, slots, cg, x, v, f, worked_on, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
         let time = self.at.start.time + fraction * self.at.dt;
         let context = ForceContext { time, targets, v, wind, volumes };
         let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, worked_on, x, v, fraction, context };
         match matrix_factors {
-            Some(factors) => at.linearise(self.forces, f, factors, matrix, slots),
+            Some(factors) => {
+                at.linearise(self.forces, f, factors, matrix, slots);
+                cg.volumes_mut().set((at.parts, worked_on), self.forces, volumes, x, factors.stiffness);
+            }
             None => at.forces(self.forces, f),
         }
     }
