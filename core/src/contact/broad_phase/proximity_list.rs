@@ -17,11 +17,10 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::candidate_pair::{self, CandidatePair};
-use crate::contact::colouring::order::Order;
 use crate::contact::tolerances::USABLE_SKIN;
 use crate::contact::topology::common_rigid_motion::RigidFit;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
-use crate::contact::topology::pair::{Pair, PairKind};
+use crate::contact::topology::pair::{KINDS, Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 
@@ -39,15 +38,6 @@ const REACH_OF_BODIES: f64 = 0.2;
 /// Nodes that one task moves.
 const CHUNK: usize = 4096;
 
-/// The order of the pairs in a list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum PairOrder {
-    /// Nobody asks.
-    Any,
-    /// Order by colours, no two pairs of which share a node, and by the nodes of the pairs.
-    Coloured,
-}
-
 /// Paths that the nodes are expected to take after a list is made.
 #[derive(Debug, Clone)]
 pub(crate) struct PredictedPaths {
@@ -62,7 +52,6 @@ pub(crate) struct PredictedPaths {
 pub(crate) struct ProximityList {
     /// Points and triangles; then edges.
     lists: [Vec<CandidatePair>; 2],
-    orders: [Order; 2],
     /// Positions of the nodes when the list was made [m]; none before.
     reference: Option<Vec<Vec3>>,
     /// Paths that it was made around; none for a list that is to last.
@@ -87,21 +76,19 @@ pub(crate) struct ProximityList {
     common: [RigidFit; 2],
     /// Least share of any distance that is left on the paths between these two motions.
     shortening: f64,
-    order: PairOrder,
 }
 
 impl ProximityList {
-    /// An empty list over a surface, of which the pairs will have this order.
-    pub(crate) fn new(surface: &ContactSurface, order: PairOrder) -> Self {
+    /// An empty list over a surface.
+    pub(crate) fn new(surface: &ContactSurface) -> Self {
         let (edge_length, skin) = (surface.edge_length().to_vec(), 0.0);
         let (predicted, predicted_shift, shares) = (None, Vec3::zeros(), [0.0; 2]);
         let displacements = vec![0.0; surface.nodes().count()];
-        let (lists, orders, density) = Default::default();
+        let (lists, density) = Default::default();
         let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
         let (reference, shortening, own) = (None, 1.0, own_nodes(surface));
         Self {
             lists,
-            orders,
             reference,
             predicted,
             predicted_shift,
@@ -114,7 +101,6 @@ impl ProximityList {
             displacements,
             common,
             shortening,
-            order,
         }
     }
 
@@ -127,14 +113,9 @@ impl ProximityList {
             + self.displacements.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
     }
 
-    /// Pairs of a kind, in the order of their colours.
+    /// Pairs of a kind, in the order in which the search has met them.
     pub(crate) fn list(&self, kind: PairKind) -> &[CandidatePair] {
         &self.lists[kind as usize]
-    }
-
-    /// Colours of the pairs of a kind.
-    pub(crate) fn order(&self, kind: PairKind) -> &Order {
-        &self.orders[kind as usize]
     }
 
     /// Returns the displacement of nodes beyond which the list lacks pairs, as a share of their edges.
@@ -221,12 +202,11 @@ impl ProximityList {
             fetch(&renumber, surface, &mut [x]);
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
-        self.lists.iter_mut().for_each(Vec::clear);
-        found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
-        if self.order == PairOrder::Coloured {
-            self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
-            self.orders = Order::of(self.lists.each_mut(), surface.nodes(), |n| n.pair.nodes);
+        for (list, kind) in self.lists.iter_mut().zip(KINDS) {
+            list.clear();
+            list.reserve_exact(found.iter().filter(|n| n.pair.kind == kind).count());
         }
+        found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         self.edge_length = measures(surface, is_predicted);
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);

@@ -14,6 +14,7 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraints, project_velocity};
 use crate::contact::broad_phase::candidate_pair::CandidatePair;
 use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
+use crate::contact::colouring::order::Order;
 use crate::contact::repulsion::active_pair::{ActivePair, OrientedPair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::repulsion::colour_halo::{HaloPerColour, starts_of_sweeps};
@@ -23,6 +24,7 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{Closest, KINDS, Pair, PairKind};
 use crate::contact::topology::pair_friction::PairFriction;
 use crate::metrics::Metrics;
+use crate::scene::RepulsionPlace;
 use crate::tolerances::NO_DIRECTION;
 
 mod active_pair;
@@ -112,6 +114,7 @@ impl PairsOfKind {
 #[derive(Debug)]
 pub(crate) struct Repulsions {
     laws: Laws,
+    place: RepulsionPlace,
     kinds: [PairsOfKind; 2],
     velocities: AtomicVectors,
     /// Load that bodies bear, as changes of velocities; only with supports.
@@ -129,11 +132,23 @@ pub(crate) struct Repulsions {
 }
 
 impl Repulsions {
-    /// Repulsions without pairs yet.
-    pub(crate) fn new(laws: Laws) -> Self {
+    /// Repulsions without pairs yet, which act there in a step.
+    pub(crate) fn new(laws: Laws, place: RepulsionPlace) -> Self {
         let (kinds, velocities, loads) = (Default::default(), AtomicVectors::new(0), AtomicVectors::new(0));
         let (nodes, seen, halo_per_colour) = Default::default();
-        Self { laws, kinds, velocities, loads, nodes, seen, halo_per_colour, active: 0, inverted: 0, fresh: false }
+        Self {
+            laws,
+            place,
+            kinds,
+            velocities,
+            loads,
+            nodes,
+            seen,
+            halo_per_colour,
+            active: 0,
+            inverted: 0,
+            fresh: false,
+        }
     }
 
     /// Memory held [bytes].
@@ -167,25 +182,31 @@ impl Repulsions {
                 }
                 oriented(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
             };
-            let pieces: Vec<(Vec<u32>, Vec<OrientedPair>)> = list
-                .par_chunks(CHUNK)
-                .enumerate()
-                .map(|(c, chunk)| {
-                    let found =
-                        chunk.iter().enumerate().filter_map(|(i, n)| near(n).map(|s| ((c * CHUNK + i) as u32, s)));
-                    found.unzip()
-                })
-                .collect();
-            of_kind.live.clear();
+            let pieces: Vec<Vec<OrientedPair>> =
+                list.par_chunks(CHUNK).map(|chunk| chunk.iter().filter_map(near).collect()).collect();
             of_kind.oriented.clear();
-            for (places, pairs) in pieces {
-                of_kind.live.extend(places);
-                of_kind.oriented.extend(pairs);
-            }
-            of_kind.order = proximity.order(kind).restricted(&of_kind.live);
+            of_kind.oriented.extend(pieces.into_iter().flatten());
             of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
+        if self.place == RepulsionPlace::Impulses {
+            self.sort_by_colours(nodes);
+        }
         self.fresh = false;
+    }
+
+    /// Puts the pairs of each kind into the order of their colours, no two pairs of which share a node, and in it by their nodes.
+    fn sort_by_colours(&mut self, nodes: &ContactNodes) {
+        let mut lists = self.kinds.each_ref().map(|of_kind| {
+            let mut places: Vec<([u32; 4], u32)> =
+                of_kind.oriented.iter().zip(0..).map(|(oriented, place)| (oriented.pair.nodes, place)).collect();
+            places.par_sort_unstable_by_key(|(nodes, _)| *nodes);
+            places
+        });
+        let orders = Order::of(lists.each_mut(), nodes, |(nodes, _)| *nodes);
+        for (of_kind, (order, places)) in self.kinds.iter_mut().zip(orders.into_iter().zip(lists)) {
+            of_kind.oriented = places.into_par_iter().map(|(_, place)| of_kind.oriented[place as usize]).collect();
+            of_kind.order = order;
+        }
     }
 
     /// The positions have changed since the last pass.

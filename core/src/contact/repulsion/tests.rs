@@ -1,7 +1,6 @@
 use super::*;
 use crate::contact::bodies::constraints::BodyConstraint;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::PairOrder;
 use crate::contact::topology::pair_friction::PairFriction;
 use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
@@ -51,10 +50,10 @@ impl Pushed {
     fn new(scene: &Scene, laws: Laws) -> Self {
         let mut surface = ContactSurface::new(scene, 1.0);
         let mut state = State::at_start(scene);
-        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        let mut proximity = ProximityList::new(&surface);
         proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0, None);
         proximity.update_displacements(&surface, [&state.x; 2].map(Vec::as_slice), [0.0; 2]);
-        let (nodes, repulsions) = (surface.nodes().clone(), Repulsions::new(laws));
+        let (nodes, repulsions) = (surface.nodes().clone(), Repulsions::new(laws, RepulsionPlace::Impulses));
         let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
         let mut pushed = Self { nodes, proximity, x: state.x, v: state.v, mobility, repulsions };
         pushed.record();

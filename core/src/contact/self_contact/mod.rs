@@ -15,7 +15,7 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::{PairOrder, PredictedPaths, ProximityList};
+use crate::contact::broad_phase::proximity_list::{PredictedPaths, ProximityList};
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Departure, LoopOutcome, Strategy};
 use crate::contact::intersections::tangle::Tangle;
@@ -135,11 +135,10 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub(crate) fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let acts_in_solves = scene.description().solver.integrator.spec().repulsion == RepulsionPlace::Solves;
-        let in_solves = repulsion.is_some() && acts_in_solves;
+        let place = scene.description().solver.integrator.spec().repulsion;
+        let in_solves = repulsion.is_some() && place == RepulsionPlace::Solves;
         let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
-        let order = if repulsion.is_some() && !in_solves { PairOrder::Coloured } else { PairOrder::Any };
-        let proximity = ProximityList::new(&surface, order);
+        let proximity = ProximityList::new(&surface);
         let geometric = collision.map(|settings| Geometric {
             control: Substeps::new(settings.max_steps),
             work: CollisionLoop::default(),
@@ -152,7 +151,7 @@ impl SelfContact {
         Self {
             search: PairSearch::new(),
             proximity,
-            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, place)),
             geometric,
             mobility: cloth_mobility(&surface),
             constraints: Vec::new(),

@@ -5,7 +5,7 @@ use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision::touch::contact_at;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
+use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::contact::topology::pair::PairKind;
 
 impl SelfContact {
@@ -22,7 +22,7 @@ impl SelfContact {
         surface.gather(x, bodies, &mut positions);
         let kept = (0..surface.nodes().cloth()).map(|node| surface.kept_distance(node)).fold(0.0, f64::max);
         let farthest = surface.ranks().max(kept);
-        let mut near = ProximityList::new(&surface, PairOrder::Any);
+        let mut near = ProximityList::new(&surface);
         near.rebuild(&mut surface, &mut PairSearch::new(), &mut positions, 0.0, farthest, None);
         let (nodes, place) = (surface.nodes(), surface.place());
         let of_cloth = |node: &u32| !surface.is_body(*node);

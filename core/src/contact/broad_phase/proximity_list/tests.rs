@@ -53,7 +53,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
         let (scene, x) = crumpled(&mut random);
         let mut surface = ContactSurface::new(&scene, 0.4);
         let mut search = PairSearch::new();
-        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        let mut proximity = ProximityList::new(&surface);
         assert!(
             proximity.update_displacements(&surface, [&x; 2].map(Vec::as_slice), [0.0; 2]).is_infinite(),
             "there is no list yet"
@@ -105,7 +105,7 @@ fn a_list_around_predicted_paths_holds_all_that_brute_force_finds() {
     for duration in [0.5, 1e-3] {
         let (scene, mut x) = crumpled(&mut random);
         let mut surface = ContactSurface::new(&scene, 0.4);
-        let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+        let mut proximity = ProximityList::new(&surface);
         let (all, shift) = (all_pairs(&surface), random.vector());
         let ends: Vec<Vec3> = x.iter().map(|x| x + shift + random.vector() * 0.01).collect();
         let predicted = PredictedPaths { ends: ends.clone(), duration };

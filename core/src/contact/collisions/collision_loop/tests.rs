@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::contact::broad_phase::proximity_list::PairOrder;
 use crate::contact::broad_phase::proximity_list::tests::ranks::Heap;
 use crate::contact::testing::on_ranks;
 use crate::geometry::random::SplitMix64;
@@ -68,7 +67,7 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], moves: Moves, may_give_
             }
         }
     });
-    let (mut search, mut proximity) = (PairSearch::new(), ProximityList::new(&surface, PairOrder::Any));
+    let (mut search, mut proximity) = (PairSearch::new(), ProximityList::new(&surface));
     let mut start = heap.at(&surface, 0);
     proximity.rebuild(&mut surface, &mut search, &mut start, moves.reach, 1e-6, None);
     let times = |node: usize| match surface.nodes().number(node as u32) {

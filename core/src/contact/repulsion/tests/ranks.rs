@@ -1,5 +1,4 @@
 use super::*;
-use crate::contact::colouring::order::Order;
 use crate::contact::repulsion::ghost_constraints::tell_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::random::SplitMix64;
@@ -53,7 +52,7 @@ impl Heap {
 
     /// The pairs that a rank holds, with their sides, as `record_orientations` leaves them.
     fn repulsions(&self, ranks: &Ranks, starts: &[u32]) -> (ContactNodes, Repulsions) {
-        let mut repulsions = Repulsions::new(LAWS);
+        let mut repulsions = Repulsions::new(LAWS, RepulsionPlace::Impulses);
         let all: Vec<[u32; 4]> = self.pairs.iter().flatten().copied().collect();
         let (nodes, _) = held(ranks, starts, 0, &all);
         let local = |node: u32| nodes.local(node).expect("a node of a pair that is held is here");
@@ -72,9 +71,9 @@ impl Heap {
                     });
                 }
             }
-            [of_kind.order] = Order::of([&mut of_kind.oriented], &nodes, |s| s.pair.nodes);
             of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
+        repulsions.sort_by_colours(&nodes);
         (nodes, repulsions)
     }
 

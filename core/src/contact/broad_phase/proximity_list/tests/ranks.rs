@@ -154,7 +154,7 @@ type Entry = (Pair, u32, u32, u64);
 struct Found {
     /// First own vertex, and the first that is not.
     own: [u32; 2],
-    /// Pairs held after three searches, kind after kind in the order of colours.
+    /// Pairs held after three searches, ascending.
     held: Vec<Vec<Entry>>,
     /// Longest ways, after each.
     used: Vec<u64>,
@@ -172,7 +172,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let mut surface = heap.surface(ranks, starts);
     let corners = surface.nodes().ghosts().len();
     let mut search = PairSearch::new();
-    let mut proximity = ProximityList::new(&surface, PairOrder::Coloured);
+    let mut proximity = ProximityList::new(&surface);
     let (mut held, mut used) = (Vec::new(), Vec::new());
     for (time, reach, is_predicted) in [(0, 0.3, false), (0, 0.05, true), (1, 0.1, false)] {
         let mut x = heap.at(&surface, time);
@@ -187,7 +187,9 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
             let pair = surface.nodes().numbered(&n.pair);
             (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
         };
-        held.push(KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect());
+        let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
+        entries.sort_unstable();
+        held.push(entries);
     }
     let nodes = surface.nodes().clone();
     let displacements = nodes.own().map(|node| proximity.displacements[node].to_bits()).collect();
@@ -221,7 +223,9 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
                 proximity.distance_bound(n).to_bits(),
             )
         };
-        KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect()
+        let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
+        entries.sort_unstable();
+        entries
     };
     assert_eq!(Some(&after), held.last());
     let mut check = |time: usize, moved: Option<u32>| {
@@ -303,7 +307,6 @@ fn compare(alone: &Found, found: &[Found]) {
         assert_eq!(rank.crossings, alone.crossings);
         let own = rank.own[0]..rank.own[1];
         for (held, all) in rank.held.iter().zip(&alone.held) {
-            // The same entries in the same order of colours.
             let holds = |entry: &&Entry| entry.0.nodes.iter().any(|node| own.contains(node));
             let expected: Vec<Entry> = all.iter().filter(holds).copied().collect();
             assert!(*held == expected, "{} pairs of {}", held.len(), expected.len());
