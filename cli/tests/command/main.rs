@@ -6,8 +6,10 @@ mod farm;
 mod files;
 #[cfg(feature = "usd")]
 mod from_usd;
+mod full_disk;
 mod inspection;
 mod replay;
+mod resume;
 mod run;
 mod site;
 mod stop;
