@@ -19,6 +19,8 @@ pub struct SceneFileError {
     pub location: Option<Location>,
     /// Whose fault it is; it decides the exit code of the command.
     pub kind: SceneErrorKind,
+    /// More that is wrong, found in the same go, such as further unknown keys.
+    pub more: Vec<SceneFileError>,
 }
 
 /// Kind of a [`SceneFileError`].
@@ -78,7 +80,7 @@ fn floor_char(text: &str, index: usize) -> usize {
 impl SceneFileError {
     /// An error of the scene file at a location.
     pub(super) fn at(location: Location, message: impl Into<String>, help: Option<String>) -> Self {
-        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene }
+        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene, more: Vec::new() }
     }
 
     /// An error of a file that the scene names at `location`.
@@ -93,7 +95,18 @@ impl SceneFileError {
             IoErrorKind::Io => SceneErrorKind::Reading,
             _ => SceneErrorKind::Data,
         };
-        Self { message, help, location, kind }
+        Self { message, help, location, kind, more: Vec::new() }
+    }
+
+    /// Both errors as one, in the order of the text.
+    #[must_use]
+    pub(super) fn and(mut self, mut other: Self) -> Self {
+        let mut all = std::mem::take(&mut self.more);
+        all.append(&mut other.more);
+        all.extend([self, other]);
+        all.sort_by_cached_key(|error| error.location.as_ref().map(|at| (at.source_name.clone(), at.span.start)));
+        let first = all.remove(0);
+        Self { more: all, ..first }
     }
 }
 
@@ -103,10 +116,10 @@ impl fmt::Display for SceneFileError {
             Some(location) => write_excerpt(f, location, &self.message)?,
             None => f.write_str(&self.message)?,
         }
-        match &self.help {
-            Some(help) => write!(f, "\n  help: {help}"),
-            None => Ok(()),
+        if let Some(help) = &self.help {
+            write!(f, "\n  help: {help}")?;
         }
+        self.more.iter().try_for_each(|error| write!(f, "\n{error}"))
     }
 }
 
