@@ -15,6 +15,7 @@ mod site;
 mod stop;
 mod study;
 mod view;
+mod wedge;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
