@@ -320,5 +320,5 @@ fn all_unknown_keys_of_a_scene_are_named_in_one_go() {
     let mut expected: Vec<&str> = misspelt.iter().map(|(_, _, words)| *words).collect();
     expected.insert(4, "`thickness` in `garment.0.stretch`");
     assert_eq!(named, expected, "{}", check.stderr);
-    assert_eq!(check.stderr.matches("did you mean").count(), 5, "{}", check.stderr);
+    assert_eq!(check.stderr.matches("did you mean").count(), 6, "{}", check.stderr);
 }

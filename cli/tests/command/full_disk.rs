@@ -5,7 +5,7 @@ use std::process::Command;
 
 use crate::{Outcome, SHEET, folder_with};
 
-/// Runs a script with a disk of so many bytes in the folder `disk`; `None` where that is not allowed.
+/// Runs a script with a disk of this number of bytes in the folder `disk`; `None` where that is not allowed.
 fn with_disk(folder: &Path, bytes: u64, script: &str) -> Option<Outcome> {
     let probe = Command::new("unshare").args(["-r", "-m", "mount", "-t", "tmpfs", "none", "/tmp"]).output();
     if !probe.is_ok_and(|output| output.status.success()) {

@@ -6,7 +6,7 @@ use crate::{SHEET, drapery, folder_with};
 fn a_key_that_the_integrator_of_one_run_does_not_have_is_named_before_anything_runs() {
     let folder = folder_with(SHEET);
     for (key, integrators, refused) in [
-        ("solver.steps_per_frame=8", "tr_bdf2,semi_implicit", "integrator=semi_implicit"),
+        ("solver.steps_per_frame=16", "tr_bdf2,semi_implicit", "integrator=semi_implicit"),
         ("solver.cfl=2", "semi_implicit,tr_bdf2", "integrator=tr_bdf2"),
     ] {
         let vary = format!("solver.integrator={integrators}");

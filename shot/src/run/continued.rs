@@ -44,7 +44,7 @@ enum Way<'a> {
 }
 
 impl<'a> Continued<'a> {
-    /// Those in `folder` that the head of a checkpoint lists.
+    /// The caches in `folder` that the head of a checkpoint lists.
     pub(super) fn of(head: &Head, folder: &'a Path, other_form: bool) -> Self {
         let marks = head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
         Self { folder, marks, delivered: head.delivered, other_form }

@@ -39,12 +39,12 @@ fn with(tables: &str) -> String {
     format!("{SHEET}{tables}")
 }
 
-/// A box between two corners that hardly moves in frames 1 to 4, at so many frames per second; `says` whether the file says so.
+/// A box between two corners that hardly moves in frames 1 to 4, at a number of frames per second; `says` whether the file says so.
 fn hero(folder: &Path, corners: [[f32; 3]; 2], fps: f64, says: bool) {
     hero_with(folder, corners, (fps, says), (4.0 * fps / 24.0) as usize);
 }
 
-/// The same with so many samples, from frame 1 on.
+/// The same with a number of samples, from frame 1 on.
 fn hero_with(folder: &Path, [low, high]: [[f32; 3]; 2], (fps, says): (f64, bool), samples: usize) {
     let options = ArchiveOptions { frames_per_second: says.then_some(fps), ..ArchiveOptions::default() };
     let mut archive = ArchiveWriter::create(folder.join("hero.abc"), &options).expect("a file");
