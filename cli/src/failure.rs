@@ -100,7 +100,7 @@ impl From<SceneFileError> for Failure {
 
 impl From<Vec<SceneFileError>> for Failure {
     fn from(errors: Vec<SceneFileError>) -> Self {
-        let errors: Vec<SceneFileError> = errors.into_iter().flat_map(each).collect();
+        let errors: Vec<SceneFileError> = errors.into_iter().flat_map(SceneFileError::each).collect();
         let code = FaultKind::of_scene(&errors).into();
         let count = match errors.as_slice() {
             // The scene file itself could not be read.
@@ -116,12 +116,6 @@ impl From<Vec<SceneFileError>> for Failure {
         // Excerpts have colours, and nothing else that a terminal obeys.
         Self { code, text: format!("{count} in the scene file\n{}{more}", excerpts.trim_end()) }
     }
-}
-
-/// The error, and those that were found in the same go.
-fn each(mut error: SceneFileError) -> Vec<SceneFileError> {
-    let more = std::mem::take(&mut error.more);
-    std::iter::once(error).chain(more).collect()
 }
 
 /// Problems of a scene that are shown at once: a fault that is in every one of many garments is seen in the first of them.

@@ -19,8 +19,8 @@ pub struct SceneFileError {
     pub location: Option<Location>,
     /// Whose fault it is; it decides the exit code of the command.
     pub kind: SceneErrorKind,
-    /// More that is wrong, found in the same go, such as further unknown keys.
-    pub more: Vec<SceneFileError>,
+    /// The next error that was found in the same go, such as a further unknown key.
+    pub next: Option<Box<SceneFileError>>,
 }
 
 /// Kind of a [`SceneFileError`].
@@ -80,7 +80,7 @@ fn floor_char(text: &str, index: usize) -> usize {
 impl SceneFileError {
     /// An error of the scene file at a location.
     pub(super) fn at(location: Location, message: impl Into<String>, help: Option<String>) -> Self {
-        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene, more: Vec::new() }
+        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene, next: None }
     }
 
     /// An error of a file that the scene names at `location`.
@@ -95,18 +95,28 @@ impl SceneFileError {
             IoErrorKind::Io => SceneErrorKind::Reading,
             _ => SceneErrorKind::Data,
         };
-        Self { message, help, location, kind, more: Vec::new() }
+        Self { message, help, location, kind, next: None }
     }
 
     /// Both errors as one, in the order of the text.
     #[must_use]
-    pub(super) fn and(mut self, mut other: Self) -> Self {
-        let mut all = std::mem::take(&mut self.more);
-        all.append(&mut other.more);
-        all.extend([self, other]);
+    pub(super) fn and(self, other: Self) -> Self {
+        let mut all = self.each();
+        all.extend(other.each());
         all.sort_by_cached_key(|error| error.location.as_ref().map(|at| (at.source_name.clone(), at.span.start)));
         let first = all.remove(0);
-        Self { more: all, ..first }
+        let next = all.into_iter().rev().fold(None, |next, error| Some(Box::new(Self { next, ..error })));
+        Self { next, ..first }
+    }
+
+    /// The error and those that were found in the same go, each for itself.
+    pub fn each(self) -> Vec<Self> {
+        let (mut all, mut next) = (Vec::new(), Some(self));
+        while let Some(mut error) = next {
+            next = error.next.take().map(|next| *next);
+            all.push(error);
+        }
+        all
     }
 }
 
@@ -119,7 +129,10 @@ impl fmt::Display for SceneFileError {
         if let Some(help) = &self.help {
             write!(f, "\n  help: {help}")?;
         }
-        self.more.iter().try_for_each(|error| write!(f, "\n{error}"))
+        match &self.next {
+            Some(next) => write!(f, "\n{next}"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -222,7 +222,7 @@ impl<'a> Run<'a> {
         let start = Start { options, fingerprint: &fingerprint, attempts };
         let before = (earlier.as_ref(), found.as_ref(), &record.unwrap_or_default());
         let begun = Self::begin(&shot, start, before, (&store, attempt.number, other_form), observer);
-        let (output, SoFar { totals, counted }, saved) = match begun {
+        let (output, SoFar { totals, counted }) = match begun {
             Ok(begun) => begun,
             Err(error) => {
                 drop(reserve);
@@ -231,6 +231,8 @@ impl<'a> Run<'a> {
                 return Err(error);
             }
         };
+        let head = found.as_ref().map(|found| &found.checkpoint.head).filter(|head| output.has_caches_of(head));
+        let saved = head.map(|head| (head.frame, head.sub_step));
         let (reserve, attempt) = (Some(reserve), attempt.number);
         let cadence = Cadence::new(options.checkpoint_every, 0.0);
         let (clock, is_new) = (Instant::now(), found.is_none());
@@ -256,14 +258,14 @@ impl<'a> Run<'a> {
     }
 
     /// Prepares the folder to go on from the checkpoint that was found, or from the start: sets aside what comes after it, and opens
-    /// the output. Returns it with the totals up to there, and the checkpoint if it tells of the caches as they are.
+    /// the output. Returns it with the totals up to there.
     fn begin(
         shot: &Shot,
         start: Start<'_>,
         (earlier, found, record): (Option<&Earlier>, Option<&Loaded>, &Record),
         (store, attempt, other_form): (&Store, u32, bool),
         observer: &mut dyn Observer,
-    ) -> Result<(Output, SoFar, Option<(i64, u64)>), ShotError> {
+    ) -> Result<(Output, SoFar), ShotError> {
         let out = &start.options.out;
         if let Some(earlier) = earlier
             && resume::set_aside_after(shot, out, earlier, found, (store, attempt))?
@@ -278,7 +280,7 @@ impl<'a> Run<'a> {
         let Some(found) = found else {
             let output = Output::create(shot, start)?;
             belts::write(shot, out)?;
-            return Ok((output, SoFar::default(), None));
+            return Ok((output, SoFar::default()));
         };
         let head = &found.checkpoint.head;
         let so_far = SoFar::of(found, shot.about.timeline.start, record, observer);
@@ -287,8 +289,7 @@ impl<'a> Run<'a> {
         observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
         let output = Output::resume(shot, start, from)?;
         belts::write(shot, out)?;
-        let saved = output.has_caches_of(head).then_some((head.frame, head.sub_step));
-        Ok((output, so_far, saved))
+        Ok((output, so_far))
     }
 
     /// Opens the writer of the cloth after lines of the listings, then all frames that are missing.

@@ -14,7 +14,7 @@ const BYTES: usize = 64 << 10;
 
 /// Room on the disk. It is given back when this is dropped, and when the process is killed: the file has no name.
 #[derive(Debug)]
-pub(super) struct Reserve(#[expect(dead_code, reason = "held, not looked at")] File);
+pub(super) struct Reserve(#[cfg_attr(not(test), expect(dead_code, reason = "held, not looked at"))] File);
 
 impl Reserve {
     /// Takes room on the disk of `folder`.

@@ -165,7 +165,7 @@ impl AlembicWriter {
     /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
     pub fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan)?;
-        let Some((at, still, kept)) = writer.to_continue(plan, mark)? else {
+        let Some((at, still, kept)) = writer.found_sound(plan, mark)? else {
             // What a run without a break has at this point: no file before the first frame.
             ArchiveWriter::remove(path)?;
             return Ok(writer);
@@ -185,7 +185,7 @@ impl AlembicWriter {
     /// As there.
     pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
         let mut writer = Self::create(path, plan)?;
-        let Some((at, still, kept)) = writer.to_continue(plan, mark)? else { return Ok(()) };
+        let Some((at, still, kept)) = writer.found_sound(plan, mark)? else { return Ok(()) };
         let checked = ArchiveWriter::check_resume(path, &writer.options, &at, |archive| {
             writer.declare_again(archive, &still, kept)
         });
@@ -194,7 +194,7 @@ impl AlembicWriter {
 
     /// The commit to go on after, what does not move, and the number of samples up to there; nothing where the mark is before the
     /// first frame.
-    fn to_continue(
+    fn found_sound(
         &mut self,
         plan: &CachePlan<'_>,
         mark: &CacheMark,

@@ -58,7 +58,7 @@ impl Hdf5Writer {
             return Self::create(path, plan);
         }
         let failed = |e| IoError::writing(path, e);
-        let (mut stored, in_place) = Self::to_continue(path, plan, (mark, kept))?;
+        let (mut stored, in_place) = Self::found_sound(path, plan, (mark, kept))?;
         remove(&unfinished(path))?;
         let mut bytes = Vec::new();
         if in_place {
@@ -81,12 +81,12 @@ impl Hdf5Writer {
     pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
         match marked_frames(path, plan, mark)? {
             0 => Ok(()),
-            kept => Self::to_continue(path, plan, (mark, kept)).map(|_| ()),
+            kept => Self::found_sound(path, plan, (mark, kept)).map(|_| ()),
         }
     }
 
     /// The file with its first frames found sound, and whether it is gone on with in place.
-    fn to_continue(
+    fn found_sound(
         path: &Path,
         plan: &CachePlan<'_>,
         (mark, kept): (&CacheMark, usize),

@@ -127,7 +127,7 @@ impl UsdWriter {
     /// The cache is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
     pub(super) fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan);
-        let Some((folder, last)) = writer.to_continue(plan, mark)? else {
+        let Some((folder, last)) = writer.found_sound(plan, mark)? else {
             // What a run without a break has at this point: nothing before the first frame.
             remove(path)?;
             remove_folder(&writer.clips)?;
@@ -146,11 +146,11 @@ impl UsdWriter {
     /// # Errors
     /// As there.
     pub(super) fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
-        Self::create(path, plan).to_continue(plan, mark).map(|_| ())
+        Self::create(path, plan).found_sound(plan, mark).map(|_| ())
     }
 
     /// The folder of clips to go on in, and the last frame; nothing where the mark is before the first frame.
-    fn to_continue(&mut self, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Option<(PathBuf, i64)>, IoError> {
+    fn found_sound(&mut self, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Option<(PathBuf, i64)>, IoError> {
         let path = &self.path.clone();
         if marked_frames(path, plan, mark)? == 0 {
             return Ok(None);
