@@ -100,6 +100,7 @@ impl From<SceneFileError> for Failure {
 
 impl From<Vec<SceneFileError>> for Failure {
     fn from(errors: Vec<SceneFileError>) -> Self {
+        let errors: Vec<SceneFileError> = errors.into_iter().flat_map(SceneFileError::each).collect();
         let code = FaultKind::of_scene(&errors).into();
         let count = match errors.as_slice() {
             // The scene file itself could not be read.

@@ -153,6 +153,11 @@ fn explain(message: &clap::Error, words: &[OsString]) {
         let wrong = words.iter().filter(|word| word.to_str().is_none());
         wrong.for_each(|word| say::complaint(format_args!("not UTF-8: {}", quoted(word))));
     }
+    let measured = words.windows(2).filter(|pair| pair[0] == "--measure");
+    let number = measured.filter_map(|pair| pair[1].to_str()?.parse::<u32>().ok()).next();
+    if let (Some(number), ErrorKind::UnknownArgument) = (number, message.kind()) {
+        say::complaint(format_args!("help: the number of frames follows `=`: write --measure={number}"));
+    }
 }
 
 /// Returns the exit of the program with its output taken into account: a command that has done its work and could not print the

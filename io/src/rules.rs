@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 27] = [
+pub static RULES: [Rule; 28] = [
     Rule {
         name: "no_gravity",
         finds: "a scene without gravity",
@@ -51,6 +51,15 @@ pub static RULES: [Rule; 27] = [
                   of a stage). Otherwise the rate of its samples counts, if they are evenly spaced and neither several \
                   to a frame nor several frames apart.",
         line: "fps = \"25\"",
+    },
+    Rule {
+        name: "sparse_samples",
+        finds: "a file that a body or a pin follows has samples several frames apart, so that frames between are interpolated",
+        exactly: "Between samples every point moves on a straight line, at a velocity that jumps at each sample: turns are cut short, and \
+                  cloth feels the jerks. It is the usual step between the samples in the shot that counts, from one and a half frames on. \
+                  Export a sample for every frame. Silence the rule if the motion is animated on twos and meant to be so. Two samples alone \
+                  are a straight motion on purpose, and a rate that `frame_rate` finds is not reported twice.",
+        line: "file = \"hero_every_frame.abc\"",
     },
     Rule {
         name: "thickness_lowered",
@@ -100,7 +109,8 @@ pub static RULES: [Rule; 27] = [
     Rule {
         name: "garment_units",
         finds: "a garment from a file that is far too small or too large for the bodies, but would fit one in another unit",
-        exactly: "The diagonals of bounding boxes at rest are compared, with bodies from files in their first pose. A garment is found if \
+        exactly: "The diagonals of bounding boxes at rest are compared, with bodies in their first pose: those from files, balls, capsules \
+                  and cylinders. Boxes and half-spaces do not count, since ground may be of any size. A garment is found if \
                   three conditions hold. It is less than a twentieth or more than twenty times as large as every body. In another \
                   unit of length it would be between a fifth and five times as large as one of them. Its box would then overlap \
                   that body's. A handkerchief or a patch where it belongs is not found: in another unit it would lie far away.",

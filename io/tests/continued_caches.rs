@@ -96,7 +96,12 @@ impl Garment {
     ) -> Result<Box<dyn CacheWriter>, IoError> {
         // Marks are kept in files.
         let kept: CacheMark = serde_json::from_str(&serde_json::to_string(mark).unwrap()).unwrap();
-        (by_extension(extension).unwrap().resume.unwrap())(&self.path(extension), plan, &kept)
+        let (format, path) = (by_extension(extension).unwrap(), self.path(extension));
+        let checked = (format.check.unwrap())(&path, plan, &kept);
+        let resumed = (format.resume.unwrap())(&path, plan, &kept);
+        let in_words = |error: &IoError| error.to_string();
+        assert_eq!(checked.as_ref().err().map(in_words), resumed.as_ref().err().map(in_words), "{extension}");
+        resumed
     }
 
     /// The cloth of a frame. Frames 1003 and 1004 are equal, and 1005 is 1002 again; `take` is which shot it is.

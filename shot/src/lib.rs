@@ -48,4 +48,4 @@ mod towards_frame;
 mod written_faces;
 
 pub use error::ShotError;
-pub use shot::{RenderMeshSize, Shot, last_frame};
+pub use shot::{RenderMeshSize, Shot, check_description, last_frame};

@@ -10,8 +10,8 @@ use drapery_core::effects::self_collision;
 use drapery_core::error::Problems;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::Timeline;
 use drapery_core::scene::gather::VertexField;
+use drapery_core::scene::{Scene, Timeline};
 use drapery_core::simulation::Simulation;
 use drapery_io::attributes::{Attribute, PointAttributes};
 use drapery_io::cache::{APPLICATION, CachePlan};
@@ -349,6 +349,16 @@ fn start_cuts(
         faces.place(garment, &remote_simulation.stored(garment, VertexField::Positions, units));
     }
     Ok(faces.find(simulation))
+}
+
+/// Refuses a description for what can be seen without building the simulation, such as a setting that its integrator does not have.
+///
+/// # Errors
+/// All problems at once.
+pub fn check_description(description: &ShotDescription) -> Result<(), ShotError> {
+    let mut problems = Scene::problems_of(&description.scene);
+    problems.iter_mut().for_each(|problem| problem.place = description.check.with_line(&problem.place));
+    if problems.is_empty() { Ok(()) } else { Err(ShotError::Problems(Problems(problems))) }
 }
 
 /// Returns the last frame of a run that is asked for these frames of a scene.

@@ -41,7 +41,7 @@ the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there
 
 const HEAD: &str = "# The scene file
 
-The file is TOML. Bold keys are required. An unknown key is an error that names the line and suggests the right word.
+The file is TOML. Bold keys are required. Unknown keys are errors, all at once, each with its line and the right word.
 Positions, velocities and times are in metres, metres per second and seconds with Y up; `[units]` applies to the mesh files.
 A value of the kind \"number or text\" is a number, or a text with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both
 ends included. A number outside is an error that names the line. Any value may be \"$name\", which takes the parameter `name`. Paths of

@@ -226,8 +226,8 @@ fn first_line(text: &str) -> &str {
 /// Advice where the front alone leads to no recommendation.
 const BUDGET: &str = "set --budget, for example --budget 10s/frame";
 
-/// Returns the recommended setting, and the time of the whole shot with it.
-pub(crate) fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
+/// Returns the recommended setting, and the time of the whole shot with it; why there is none, else.
+pub fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
     let within =
         budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} per frame", text::seconds(b)));
     let Some(row) = analysis.recommended(budget).map(|index| &analysis.rows[index]) else {

@@ -137,7 +137,7 @@ fn run_shot(
         keep: settings.keep.value.into(),
         pinned: args.pin_checkpoint.clone(),
         requests: watcher.requests.clone(),
-        command: command(args, ranks.count()),
+        command: from_anywhere(&command(args, ranks.count())),
         dump: args.dump.clone(),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
@@ -158,6 +158,12 @@ fn command(args: &RunArgs, ranks: usize) -> String {
         }
     }
     words.join(" ")
+}
+
+/// A command line that does the same in every folder.
+fn from_anywhere(command: &str) -> String {
+    let here = std::env::current_dir();
+    here.map_or_else(|_| command.to_owned(), |folder| format!("cd {} && {command}", quoted(folder.as_os_str())))
 }
 
 /// Frame, time, warnings and what to do next.

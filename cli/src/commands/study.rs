@@ -34,20 +34,26 @@ pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Environment, quiet
     let mut pages = study::write_pages(&folder)?;
     let analysis = analysis::analyse(&study);
     let budget = args.budget.map(|budget| budget.as_secs_f64()).or(study.budget);
-    if let Some(path) = &args.write_preset {
-        let text = preset::text(&study, &analysis, budget).ok_or_else(|| {
-            let what =
-                "no setting is recommended, so no preset was written\n  help: change --budget, or raise --max-wall";
-            Failure::new(ExitCode::Usage, what)
-        })?;
+    let preset = args.write_preset.as_ref().map(|path| (path, preset::text(&study, &analysis, budget)));
+    if let Some((path, Some(text))) = &preset {
         atomic_file::replace(path, text.as_bytes())?;
-        pages.push(path.clone());
+        pages.push((*path).clone());
     }
     if !quiet {
         say::line(table::table(&study, &analysis, budget).trim_end());
         pages.iter().for_each(|page| say::line(format_args!("wrote {}", page.display())));
     }
-    Ok(ExitCode::Done)
+    match preset {
+        Some((path, None)) => {
+            let why = table::recommendation(&study, &analysis, budget);
+            let what = format!(
+                "{}: no setting is recommended, so no preset was written\n  {why}\n  help: change --budget, or raise --max-wall",
+                path.display()
+            );
+            Err(Failure::new(ExitCode::Usage, what))
+        }
+        _ => Ok(ExitCode::Done),
+    }
 }
 
 /// Refuses to write a preset over something else, before anything takes long.

@@ -103,7 +103,8 @@ fn runs(args: &WedgeArgs) -> Result<Vec<WedgeRun>, Failure> {
     wedge::runs(&args.vary).map_err(|text| Failure::new(ExitCode::Usage, text))
 }
 
-/// Reads the scene with the settings of each run, so that a value or a range of frames that none can have is named before anything runs.
+/// Reads the scene with the settings of each run, so that a value, a setting that its integrator does not have, or a range of frames is
+/// named before anything runs.
 fn check(args: &WedgeArgs, around: &Environment, runs: &[WedgeRun]) -> Result<(), Failure> {
     let (common, search) = (plan::settings(&args.scene)?, around.search(&args.scene.materials).value);
     for run in runs {
@@ -113,6 +114,7 @@ fn check(args: &WedgeArgs, around: &Environment, runs: &[WedgeRun]) -> Result<()
             scene_file::load_with(&args.scene.scene, &settings, &search).map_err(|error| in_run(error.into()))?;
         let shot = scene.resolve().map_err(|errors| in_run(errors.into()))?;
         let frames = args.scene.frames.map(|frames| [frames.first, frames.last]);
+        drapery_shot::check_description(&shot).map_err(|error| in_run(error.into()))?;
         drapery_shot::last_frame(shot.frames, frames).map_err(|error| in_run(error.into()))?;
     }
     Ok(())

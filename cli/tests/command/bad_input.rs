@@ -301,3 +301,24 @@ fn another_mesh_cannot_go_on_from_a_checkpoint_and_is_another_run() {
         other.stderr
     );
 }
+
+#[test]
+fn all_unknown_keys_of_a_scene_are_named_in_one_go() {
+    let misspelt = [
+        ("[gravity]", "[gravty]", "`gravty` at the top level"),
+        ("friction", "frction", "`frction` in `body.0`"),
+        ("density", "densty", "`densty` in `garment.0`"),
+        ("stiffness = \"100 N/m\"", "stifness = 1\nthickness = 2", "`stifness` in `garment.0.stretch`"),
+        ("[output]", "[solver]\nclf = 1\n[output]", "`clf` in `solver`"),
+        ("format", "name = \"sheet\"\nformat", "`name` in `output`"),
+    ];
+    let scene = misspelt.iter().fold(SHEET.to_owned(), |scene, (right, wrong, _)| scene.replacen(right, wrong, 1));
+    let check = drapery(folder_with(&scene).path(), &["check", "scene.toml"]);
+    assert_eq!(check.code, Some(78), "{}", check.stderr);
+    // In the order of the file, and nothing that follows from them.
+    let named: Vec<&str> = check.stderr.lines().filter_map(|line| Some(line.split_once("unknown key ")?.1)).collect();
+    let mut expected: Vec<&str> = misspelt.iter().map(|(_, _, words)| *words).collect();
+    expected.insert(4, "`thickness` in `garment.0.stretch`");
+    assert_eq!(named, expected, "{}", check.stderr);
+    assert_eq!(check.stderr.matches("did you mean").count(), 6, "{}", check.stderr);
+}

@@ -116,6 +116,11 @@ fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
     assert_eq!(effects[1]["elements"]["kind"], "springs");
     assert!(!folder.path().join("out").exists(), "plan writes nothing");
     assert_eq!(drapery(folder.path(), &["plan", "scene.toml", "--measure=9"]).code, Some(2));
+    for spaced in [["plan", "scene.toml", "--measure", "2"], ["plan", "--measure", "2", "scene.toml"]] {
+        let refused = drapery(folder.path(), &spaced);
+        assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+        assert!(refused.stderr.contains("write --measure=2"), "{}", refused.stderr);
+    }
 }
 
 #[test]

@@ -6,13 +6,16 @@ mod farm;
 mod files;
 #[cfg(feature = "usd")]
 mod from_usd;
+mod full_disk;
 mod inspection;
 mod replay;
+mod resume;
 mod run;
 mod site;
 mod stop;
 mod study;
 mod view;
+mod wedge;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

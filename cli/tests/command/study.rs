@@ -230,3 +230,18 @@ fn what_cannot_be_studied_is_said() {
     let nothing = drapery(folder.path(), &["study", "--from", "nothing.json"]);
     assert_eq!(nothing.code, Some(66), "{}", nothing.stderr);
 }
+
+#[test]
+fn a_study_without_a_recommendation_prints_its_table_and_says_why_no_preset_is_written() {
+    let folder = folder_with(HANGING);
+    let vary = ["--vary", "cfl=2,1", "--repeats=1", "--budget=0.000001s/frame", "--write-preset", "preset.toml"];
+    let study = drapery(folder.path(), &[&STUDY[..], &vary].concat());
+    assert_eq!(study.code, Some(2), "{}", study.stderr);
+    for word in ["setting", "cfl 2", "no recommendation: ", "wrote s/study.csv"] {
+        assert!(study.stdout.contains(word), "{word}: {}", study.stdout);
+    }
+    for word in ["preset.toml: no setting is recommended", "no recommendation: no measured setting", "--budget"] {
+        assert!(study.stderr.contains(word), "{word}: {}", study.stderr);
+    }
+    assert!(!folder.path().join("preset.toml").exists());
+}

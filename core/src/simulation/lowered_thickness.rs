@@ -15,6 +15,8 @@ pub struct LoweredThickness {
     pub garment: String,
     /// The other side of the rule of contact that sets the thickness, in words; `None` for the garment's own thickness.
     pub by_rule_with: Option<String>,
+    /// Whether a painted map says the thickness of each vertex, in metres.
+    pub is_painted: bool,
     /// Thickness of the garment, or by the rule [m].
     pub asked: f64,
     /// The least that a vertex keeps of what it was to keep [m].
@@ -28,10 +30,12 @@ impl LoweredThickness {
     pub fn kept(&self) -> String {
         let Self { asked, least, vertices: [lowered, all], .. } = self;
         let (asked, least) = (1e3 * asked, 1e3 * least);
-        let by_rule = self.by_rule_with.as_ref().map_or(String::new(), |other| format!(" from {other}"));
-        format!(
-            "{lowered} of {all} vertices keep less than the thickness of {asked:.3} mm{by_rule}, down to {least:.3} mm"
-        )
+        let asked = match (&self.by_rule_with, self.is_painted) {
+            (None, true) => "in their map".to_owned(),
+            (None, false) => format!("of {asked:.3} mm"),
+            (Some(other), _) => format!("of {asked:.3} mm from {other}"),
+        };
+        format!("{lowered} of {all} vertices keep less than the thickness {asked}, down to {least:.3} mm")
     }
 }
 
@@ -69,10 +73,12 @@ fn garments_below(scene: &Scene, clamp: f64) -> Vec<LoweredThickness> {
             }
             let vertices = parts.ranks().sum_of([lowered, all]);
             let least = -parts.ranks().max(-least);
-            LoweredThickness { garment: garments[g].name.clone(), by_rule_with, asked, least, vertices }
+            let (garment, is_painted) = (garments[g].name.clone(), false);
+            LoweredThickness { garment, by_rule_with, is_painted, asked, least, vertices }
         };
         let (asked, painted) = (garments[g].thickness, scene.painted(g, "thickness"));
-        let mut found = vec![count(asked, None, &|v| Some(painted.map_or(asked, |map| map.at(v, asked))))];
+        let own = count(asked, None, &|v| Some(painted.map_or(asked, |map| map.at(v, asked))));
+        let mut found = vec![LoweredThickness { is_painted: painted.is_some_and(|map| map.absolute), ..own }];
         for rule in scene.description().contacts.iter().filter(|rule| rule.body().is_none()) {
             let Some(asked) = rule.thickness else { continue };
             let [one, other] = rule.between;

@@ -35,6 +35,9 @@ pub type CreateCache = fn(&Path, &CachePlan<'_>) -> Result<Box<dyn CacheWriter>,
 /// Only the last frame may be another than planned before, as long as it is not before a frame that the file holds.
 pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn CacheWriter>, IoError>;
 
+/// Finds out whether a cache can go on after its mark, and changes nothing: what it refuses, [`ResumeCache`] refuses too.
+pub type CheckCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<(), IoError>;
+
 /// Opens a cache to be read back.
 pub type OpenCache = fn(&Path, Opening) -> Result<CacheFrames, IoError>;
 
@@ -166,6 +169,8 @@ pub struct Format {
     pub create: Option<CreateCache>,
     /// Continues a cache, if they are written to it.
     pub resume: Option<ResumeCache>,
+    /// Tells whether a cache can be continued, if they are written to it.
+    pub check: Option<CheckCache>,
     /// Opens a cache to be read back, if that is done.
     pub read_back: Option<OpenCache>,
     /// Tells what a file of it holds.
@@ -194,6 +199,7 @@ impl Format {
             channel: None,
             create: None,
             resume: None,
+            check: None,
             read_back: None,
             summary_of,
             folder_of: None,

@@ -123,17 +123,68 @@ fn describe(found: Unexpected<'_>) -> String {
 /// tables of effects, which were taken out before.
 ///
 /// # Errors
-/// The first value that does not fit, at its place.
+/// The first value that does not fit, at its place. If it is an unknown key, those behind it follow.
 pub(super) fn read<T: DeserializeOwned>(
     root: &Node,
     sources: &Sources,
     also: impl Fn(&Path) -> Vec<&'static str>,
 ) -> Result<T, SceneFileError> {
+    let Refusal { mut error, mut key } = match attempt(root, sources, &also) {
+        Ok(read) => return Ok(read),
+        Err(refusal) => *refusal,
+    };
+    let mut rest = root.clone();
+    while key.take().is_some_and(|key| key.mend(&mut rest)) {
+        if let Err(refusal) = attempt::<T>(&rest, sources, &also)
+            && refusal.key.is_some()
+        {
+            error = error.and(refusal.error);
+            key = refusal.key;
+        }
+    }
+    Err(error)
+}
+
+/// Why a tree does not fit its type.
+struct Refusal {
+    error: SceneFileError,
+    /// The key that is unknown, if it is one.
+    key: Option<UnknownKey>,
+}
+
+/// An unknown key.
+struct UnknownKey {
+    table: Path,
+    word: String,
+    /// The key that it may be meant for.
+    meant: Option<String>,
+}
+
+impl UnknownKey {
+    /// Takes it for the key that it may be meant for, unless that is there too; else it goes. Returns whether it was there.
+    fn mend(self, root: &mut Node) -> bool {
+        let Some(table) = self.table.find_mut(root).and_then(Node::as_table_mut) else { return false };
+        let Some(index) = table.0.iter().position(|entry| entry.key == self.word) else { return false };
+        match self.meant.filter(|meant| table.get(meant).is_none()) {
+            Some(meant) => table.0[index].key = meant,
+            None => drop(table.0.remove(index)),
+        }
+        true
+    }
+}
+
+/// Reads `root` as a `T` up to the first value that does not fit.
+fn attempt<T: DeserializeOwned>(
+    root: &Node,
+    sources: &Sources,
+    also: &impl Fn(&Path) -> Vec<&'static str>,
+) -> Result<T, Box<Refusal>> {
     serde_path_to_error::deserialize(Reader(root)).map_err(|error| {
         let mut path = Path(error.path().iter().filter_map(segment).collect());
         let misfit = error.into_inner();
         let Misfit::Unknown { word, expected, is_key } = &misfit else {
-            return sources.error(&path.place(root), format!("{}{misfit}", label(&path)), None);
+            let error = sources.error(&path.place(root), format!("{}{misfit}", label(&path)), None);
+            return Box::new(Refusal { error, key: None });
         };
         if path.0.last() == Some(&Segment::Key(word.clone())) {
             path.0.pop();
@@ -143,7 +194,11 @@ pub(super) fn read<T: DeserializeOwned>(
         let place = key_place(path.find(root), word);
         let owner =
             if *is_key { format!("{misfit} {}", table_name(&path)) } else { format!("{}{misfit}", label(&path)) };
-        sources.error(&place, owner, Some(suggestion(word, &words)))
+        let error = sources.error(&place, owner, Some(suggestion(word, &words)));
+        // What another table may hold is no key of this one.
+        let meant = meant(word, &words).filter(|meant| expected.contains(meant)).map(str::to_owned);
+        let key = is_key.then(|| UnknownKey { table: path, word: word.clone(), meant });
+        Box::new(Refusal { error, key })
     })
 }
 
@@ -157,12 +212,17 @@ const ELSEWHERE: [(&str, &str); 4] = [
 
 /// "did you mean", or the list of what is allowed, if anything is.
 pub(super) fn suggestion(word: &str, words: &[&str]) -> String {
-    let ours = ELSEWHERE.iter().find(|(theirs, ours)| *theirs == word && words.contains(ours)).map(|(_, ours)| *ours);
-    match ours.or_else(|| nearest(word, words.iter().copied())) {
+    match meant(word, words) {
         Some(best) => format!("did you mean `{best}`?"),
         None if words.is_empty() => "leave it out: no key is allowed here".to_owned(),
         None => format!("allowed here: {}", words.join(", ")),
     }
+}
+
+/// The word that another may be meant for.
+fn meant<'a>(word: &str, words: &[&'a str]) -> Option<&'a str> {
+    let ours = ELSEWHERE.iter().find(|(theirs, ours)| *theirs == word && words.contains(ours)).map(|(_, ours)| *ours);
+    ours.or_else(|| nearest(word, words.iter().copied()))
 }
 
 fn segment(segment: &SerdeSegment) -> Option<Segment> {

@@ -19,6 +19,8 @@ pub struct SceneFileError {
     pub location: Option<Location>,
     /// Whose fault it is; it decides the exit code of the command.
     pub kind: SceneErrorKind,
+    /// The next error that was found in the same go, such as a further unknown key.
+    pub next: Option<Box<SceneFileError>>,
 }
 
 /// Kind of a [`SceneFileError`].
@@ -78,7 +80,7 @@ fn floor_char(text: &str, index: usize) -> usize {
 impl SceneFileError {
     /// An error of the scene file at a location.
     pub(super) fn at(location: Location, message: impl Into<String>, help: Option<String>) -> Self {
-        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene }
+        Self { message: message.into(), help, location: Some(location), kind: SceneErrorKind::Scene, next: None }
     }
 
     /// An error of a file that the scene names at `location`.
@@ -93,7 +95,28 @@ impl SceneFileError {
             IoErrorKind::Io => SceneErrorKind::Reading,
             _ => SceneErrorKind::Data,
         };
-        Self { message, help, location, kind }
+        Self { message, help, location, kind, next: None }
+    }
+
+    /// Both errors as one, in the order of the text.
+    #[must_use]
+    pub(super) fn and(self, other: Self) -> Self {
+        let mut all = self.each();
+        all.extend(other.each());
+        all.sort_by_cached_key(|error| error.location.as_ref().map(|at| (at.source_name.clone(), at.span.start)));
+        let first = all.remove(0);
+        let next = all.into_iter().rev().fold(None, |next, error| Some(Box::new(Self { next, ..error })));
+        Self { next, ..first }
+    }
+
+    /// The error and those that were found in the same go, each for itself.
+    pub fn each(self) -> Vec<Self> {
+        let (mut all, mut next) = (Vec::new(), Some(self));
+        while let Some(mut error) = next {
+            next = error.next.take().map(|next| *next);
+            all.push(error);
+        }
+        all
     }
 }
 
@@ -103,8 +126,11 @@ impl fmt::Display for SceneFileError {
             Some(location) => write_excerpt(f, location, &self.message)?,
             None => f.write_str(&self.message)?,
         }
-        match &self.help {
-            Some(help) => write!(f, "\n  help: {help}"),
+        if let Some(help) = &self.help {
+            write!(f, "\n  help: {help}")?;
+        }
+        match &self.next {
+            Some(next) => write!(f, "\n{next}"),
             None => Ok(()),
         }
     }

@@ -35,13 +35,17 @@ pub(super) fn tables(root: &Node) -> Vec<(&'static EffectSpec, Path)> {
 /// Checks every effect table against the fields of its effect and fills in the defaults.
 ///
 /// # Errors
-/// The first key or value that does not fit.
+/// The first key or value of each table that does not fit; of unknown keys all.
 pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
     refuse_lacking(root, sources)?;
+    let mut refused: Option<SceneFileError> = None;
     for (spec, path) in tables(root) {
         let name = dotted(&path);
         let help = format!("write [{name}] and its settings below it, or remove it to switch the effect off");
-        fields::check_table(path.find(root), spec.fields, &path, sources, help)?;
+        if let Err(error) = fields::check_table(path.find(root), spec.fields, &path, sources, help) {
+            refused = Some(refused.take().map_or(error.clone(), |first| first.and(error)));
+            continue;
+        }
         let table = path.find_mut(root).and_then(|node| {
             let place = node.place.clone();
             node.as_table_mut().map(|table| (table, place))
@@ -51,7 +55,7 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
             table.fill(name, Value::from_toml(&value, &place), &place, Origin::Default);
         }
     }
-    Ok(())
+    refused.map_or(Ok(()), Err)
 }
 
 /// Refuses tables of effects that this build lacks, at the top level or under a garment, before anyone takes them for

@@ -132,7 +132,7 @@ pub(super) fn check(root: &Node, sources: &Sources) -> Result<(), SceneFileError
 /// Checks a table of which every key has a row, and gives what it says; `help` is for something else in its place.
 ///
 /// # Errors
-/// The first key that has no row, and the first value that does not fit.
+/// All keys that have no row, else the first value that does not fit.
 pub(super) fn check_table(
     node: &Node,
     fields: &[Field],
@@ -144,9 +144,12 @@ pub(super) fn check_table(
         return Err(sources.error(&node.place, format!("`{}` has to be a table", dotted(path)), Some(help)));
     };
     let names: Vec<&str> = fields.iter().map(|field| field.name).collect();
-    if let Some(entry) = table.0.iter().find(|entry| !names.contains(&entry.key.as_str())) {
+    let unknown = table.0.iter().filter(|entry| !names.contains(&entry.key.as_str())).map(|entry| {
         let text = format!("unknown key `{}` in `{}`", entry.key, dotted(path));
-        return Err(sources.error(&entry.key_place, text, Some(suggestion(&entry.key, &names))));
+        sources.error(&entry.key_place, text, Some(suggestion(&entry.key, &names)))
+    });
+    if let Some(error) = unknown.reduce(SceneFileError::and) {
+        return Err(error);
     }
     check_values(node, fields, path, sources)
 }

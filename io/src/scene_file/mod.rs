@@ -157,10 +157,14 @@ pub fn parse_with(
     search.maps.apply_to_files(&mut root);
     let curves = curves::take(&mut root, &sources, folder)?;
     let map_curves = curves::take_maps(&mut root, &sources)?;
-    effects::check_and_fill(&mut root, &sources)?;
+    let checked = effects::check_and_fill(&mut root, &sources);
     let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
     let own = fields::without(root.clone(), of_effects);
-    let document: raw::Document = deserialize::read(&own, &sources, names_at)?;
+    let document: raw::Document = match (checked, deserialize::read(&own, &sources, names_at)) {
+        (Ok(()), read) => read?,
+        (Err(first), Err(other)) => return Err(first.and(other)),
+        (Err(error), Ok(_)) => return Err(error),
+    };
     if document.drapery != VERSION {
         let place = Path::default().key("drapery").place(&root);
         let text = format!("this scene has version {}; this program reads version {VERSION}", document.drapery);

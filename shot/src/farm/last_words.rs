@@ -9,7 +9,7 @@ use drapery_io::input_file;
 use crate::farm::lock;
 use crate::farm::process::Owner;
 use crate::run_record::MANIFEST;
-use crate::run_record::manifest::{Manifest, Pen};
+use crate::run_record::manifest::{AttemptRecord, Manifest, Pen};
 use crate::run_record::writer;
 
 /// Says in manifest and record why the run of this process ends, and gives its folder back. A folder that this process does not hold
@@ -24,21 +24,41 @@ pub fn last_words(folder: &Path, error: &str) -> Result<Pen, IoError> {
     }
     let text = input_file::bytes(&folder.join(MANIFEST));
     // The manifest of an earlier attempt may still be there.
-    let ours = |manifest: &Manifest| {
-        manifest.attempts.last().is_some_and(|attempt| (&attempt.host, attempt.pid) == (&me.host, me.pid))
-    };
+    let ours = |manifest: &Manifest| manifest.attempts.last().is_some_and(|attempt| is_by(attempt, &me));
     let manifest = text.ok().and_then(|text| serde_json::from_slice::<Manifest>(&text).ok()).filter(ours);
-    if let Some(mut manifest) = manifest {
-        manifest.state = "failed".into();
-        manifest.error = Some(error.to_owned());
-        if let Some(attempt) = manifest.attempts.last_mut() {
-            attempt.end = Some("failed".to_owned());
-        }
-        writer::record_failure(folder, error)?;
-        pen.write(&manifest, folder)?;
+    if let Some(manifest) = manifest {
+        failed(folder, manifest, (error, &pen))?;
     }
     lock::give_back(folder)?;
     Ok(pen)
+}
+
+/// Says in manifest and record that an attempt of this process failed while it prepared the folder, if that has begun: a manifest
+/// that says something else than `running` is as it was found.
+///
+/// # Errors
+/// The folder cannot be read or written.
+pub(crate) fn failed_to_begin(folder: &Path, error: &str) -> Result<(), IoError> {
+    let text = input_file::bytes(&folder.join(MANIFEST))?;
+    let manifest = serde_json::from_slice::<Manifest>(&text).ok().filter(|manifest| manifest.state == "running");
+    manifest.map_or(Ok(()), |manifest| failed(folder, manifest, (error, &Pen::take())))
+}
+
+/// The manifest says it also where the record cannot.
+fn failed(folder: &Path, mut manifest: Manifest, (error, pen): (&str, &Pen)) -> Result<(), IoError> {
+    manifest.state = "failed".into();
+    manifest.error = Some(error.to_owned());
+    let me = Owner::this_process();
+    if let Some(attempt) = manifest.attempts.last_mut().filter(|attempt| is_by(attempt, &me)) {
+        attempt.end = Some("failed".to_owned());
+    }
+    let recorded = writer::record_failure(folder, error);
+    pen.write(&manifest, folder).and(recorded)
+}
+
+/// Whether an attempt is one of this process.
+fn is_by(attempt: &AttemptRecord, me: &Owner) -> bool {
+    (&attempt.host, attempt.pid) == (&me.host, me.pid)
 }
 
 #[cfg(test)]
@@ -51,7 +71,6 @@ mod tests {
     use super::*;
     use crate::farm::lock::{LOCK, RunLock};
     use crate::run_record::RECORD;
-    use crate::run_record::manifest::AttemptRecord;
 
     #[test]
     fn the_folder_of_this_process_says_why_and_is_free_and_that_of_another_is_left_alone() {

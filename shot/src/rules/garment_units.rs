@@ -3,6 +3,8 @@
 use std::ops::RangeInclusive;
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::scene::{BodyDescription, BodyShape};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::units::LengthUnit;
 
@@ -18,8 +20,8 @@ const FITTING: RangeInclusive<f64> = 0.2..=5.0;
 type Bounds = [Vec3; 2];
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
-    let bodies: Vec<(&str, Bounds)> =
-        facts.first_poses().map(|(motion, bounds)| (motion.label.as_str(), bounds)).collect();
+    let from_files = facts.first_poses().map(|(motion, bounds)| (motion.label.clone(), bounds));
+    let bodies: Vec<(String, Bounds)> = from_files.chain(facts.scene.bodies.iter().filter_map(of_shape)).collect();
     if bodies.is_empty() {
         return Vec::new();
     }
@@ -27,7 +29,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     garments.filter_map(|(garment, mesh)| of_garment(&garment.name, mesh, &bodies)).collect()
 }
 
-fn of_garment(name: &str, mesh: &GarmentMesh, bodies: &[(&str, Bounds)]) -> Option<Finding> {
+fn of_garment(name: &str, mesh: &GarmentMesh, bodies: &[(String, Bounds)]) -> Option<Finding> {
     let units = mesh.units()?;
     let garment = bounds(&mesh.positions().ok()?)?;
     let size = diagonal(garment);
@@ -40,7 +42,7 @@ fn of_garment(name: &str, mesh: &GarmentMesh, bodies: &[(&str, Bounds)]) -> Opti
         let factor = unit.metres() / units.metres;
         let ratio = by_body(*body) * factor;
         let fits = FITTING.contains(&ratio) && overlap(garment.map(|corner| corner * factor), *body);
-        fits.then(|| (ratio.ln().abs(), *label, diagonal(*body), unit))
+        fits.then(|| (ratio.ln().abs(), label, diagonal(*body), unit))
     });
     let (_, label, of_body, unit) = fitting.min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(Finding {
@@ -59,6 +61,24 @@ fn of_garment(name: &str, mesh: &GarmentMesh, bodies: &[(&str, Bounds)]) -> Opti
             units.up
         ),
     })
+}
+
+/// A ball, a capsule or a cylinder, with its box where its path begins, turned in any way. Other shapes may be ground, of any size.
+fn of_shape(body: &BodyDescription) -> Option<(String, Bounds)> {
+    let BodyShape::Rigid(shape) = &body.shape else { return None };
+    // Half the extents of the box around a turned box.
+    let turned = |x: f64, y: f64, z: f64| {
+        let axes = [Vec3::x() * x, Vec3::y() * y, Vec3::z() * z].map(|axis| (body.motion.rotation * axis).abs());
+        axes.iter().sum::<Vec3>()
+    };
+    let reach = match *shape {
+        Shape::Sphere { radius } => Vec3::repeat(radius),
+        Shape::Capsule { radius, half_length } => turned(radius, radius + half_length, radius),
+        Shape::Cylinder { radius, half_length } => turned(radius, half_length, radius),
+        Shape::Box { .. } | Shape::HalfSpace => return None,
+    };
+    let (_, center) = body.motion.path.first()?;
+    Some((format!("body \"{}\"", body.name), [center - reach, center + reach]))
 }
 
 fn diagonal([low, high]: Bounds) -> f64 {

@@ -16,6 +16,7 @@ mod seam_lengths;
 mod seam_through_body;
 mod shape_units;
 mod solid;
+mod sparse_samples;
 mod start_close;
 mod start_speed;
 mod start_state;
@@ -113,6 +114,7 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("no_self_collision", Look::Facts(no_self_collision::find)),
     ("up_axis", Look::Facts(up_axis::find)),
     ("frame_rate", Look::Facts(frame_rate::find)),
+    ("sparse_samples", Look::Facts(sparse_samples::find)),
     ("thickness_lowered", Look::Simulation(thickness_lowered::find)),
     ("thin_body", Look::Facts(thin_body::find)),
     ("other_diagonal", Look::OtherCuts(other_diagonal::find)),

@@ -22,13 +22,17 @@ pub(super) fn find(simulation: &Simulation) -> Vec<Finding> {
 }
 
 fn of_garment(found: &LoweredThickness) -> Finding {
+    let smaller = if found.is_painted { "smaller values in the map are" } else { "a smaller thickness is" };
     let message = format!(
-        "{}: their edges are short; longer edges or a larger `{CLAMP}` keep more, and a smaller thickness is kept \
-         everywhere",
+        "{}: their edges are short; longer edges or a larger `{CLAMP}` keep more, and {smaller} kept everywhere",
         found.kept()
     );
     // Rounded down, so that what is written holds.
-    let of_rule = if found.by_rule_with.is_some() { " in its [[contact]]" } else { "" };
-    let line = format!("thickness = \"{} mm\"{of_rule}", (found.least * 1e6).floor() / 1e3);
+    let kept = (found.least * 1e6).floor();
+    let line = match (found.is_painted, &found.by_rule_with) {
+        (true, _) => format!("values of at most {} into its map of `thickness`, which is in metres", kept / 1e6),
+        (false, None) => format!("thickness = \"{} mm\"", kept / 1e3),
+        (false, Some(_)) => format!("thickness = \"{} mm\" in its [[contact]]", kept / 1e3),
+    };
     Finding { object: format!("garment \"{}\"", found.garment), message, line }
 }

@@ -20,7 +20,7 @@ use crate::farm::process::Owner;
 use crate::farm::stale;
 use crate::run::observer::Observer;
 use crate::run::options::RunOptions;
-use crate::run_record::manifest::{AttemptRecord, listed_files, listed_layers};
+use crate::run_record::manifest::{AttemptRecord, former_files, listed_files, listed_layers};
 use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
 use crate::shot::Shot;
 
@@ -179,6 +179,7 @@ pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     files.extend(planned.iter().cloned());
     // Caches of the earlier run that this one does not write again would belong to nothing.
     files.extend(listed_files(folder));
+    files.extend(former_files(folder));
     files.extend(listed_layers(folder));
     files.retain(|path| path.exists());
     files.sort();

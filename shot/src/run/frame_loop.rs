@@ -15,10 +15,11 @@ use drapery_io::error::IoError;
 use drapery_io::input_file;
 use serde_json::json;
 
-use crate::checkpoints::{Account, Cadence, Store};
+use crate::checkpoints::{Account, Cadence, Loaded, Store};
 use crate::error::ShotError;
 use crate::farm::command_line::quoted;
 use crate::farm::digest::Fingerprint;
+use crate::farm::last_words;
 use crate::farm::lock::RunLock;
 use crate::farm::stale;
 use crate::farm::stop::{Reason, Request};
@@ -31,11 +32,13 @@ use crate::run::folder::{Earlier, Held, files_of_run, refuse_inputs};
 use crate::run::input_watch::InputWatch;
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs};
+use crate::run::output::{From, Output, Start, check_resume, manifest_checkpoint};
+use crate::run::output::{planned_files, planned_layers, planned_outputs};
+use crate::run::reserve::Reserve;
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
-use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::manifest::{AttemptRecord, former_files, listed_files};
 use crate::run_record::reader::Record;
 use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
@@ -50,6 +53,8 @@ struct Run<'a> {
     output: Output,
     store: Store,
     lock: RunLock,
+    /// Room to say that the run failed.
+    reserve: Option<Reserve>,
     cadence: Cadence,
     clock: Instant,
     attempt: u32,
@@ -80,8 +85,9 @@ impl Shot {
         dump::refuse_unreachable(&options.dump, [self.about.timeline.start + 1, self.about.last_frame])?;
         options.refuse_pins_outside([self.about.timeline.start, self.about.scene_last_frame])?;
         // An earlier run's caches give way to those of this one.
-        let (planned, listed) = (planned_outputs(&self, &options.out), listed_files(&options.out));
-        refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
+        let planned = planned_outputs(&self, &options.out);
+        let [listed, former] = [listed_files(&options.out), former_files(&options.out)];
+        refuse_inputs(&self, &[planned.as_slice(), &listed, &former].concat())?;
         if !options.overwrite {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
         }
@@ -104,17 +110,15 @@ impl Shot {
         dump::passed_over(&options.dump, run.shot.simulation().frame())
             .into_iter()
             .for_each(|text| observer.note(text));
-        run.dump = Dump::of_run(&mut run.shot, options, &run.totals)?;
-        let ended = run.frames(observer);
+        let ended = run.all(observer);
         run.dump.iter().for_each(|dump| dump.report(observer));
         match ended {
             Ok(outcome) => run.end(outcome),
             Err(error) => {
-                // The first error is the one that counts; a full disk would refuse this record too. What was taken over
-                // belongs to somebody else.
+                // The first error is the one that counts. What was taken over belongs to somebody else.
                 if run.lock.still_mine() {
                     run.leave_bundle(&error, observer);
-                    let _ = run.output.fail(&error);
+                    run.fail(&error);
                 }
                 // Where the folder is gone, whatever was to be written into it next could not be found.
                 Err(match (error, run.lock.check()) {
@@ -195,21 +199,15 @@ impl<'a> Run<'a> {
             shot.remote_simulation =
                 resume::restored(shot.remote_simulation, input, (&mut found.checkpoint, &found.path))?;
         }
-        if let Some(earlier) = &earlier
-            && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
-        {
-            let (set_aside, removed) = (stale::attempt(out, attempt.number), stale::prune(out, &fingerprint)?);
-            observer.note(format!(
-                "frames that are simulated again were moved to {}{}",
-                set_aside.display(),
-                stale::removed_in_words(&removed)
-            ));
-        }
         let differs = |earlier: &Earlier| {
             earlier.has_other_form(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
         };
         let other_form = earlier.as_ref().is_some_and(differs);
-        let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
+        if let Some(found) = &found {
+            check_resume(&shot, out, &found.checkpoint.head, other_form)?;
+        }
+        let reserve = Reserve::take(out)?;
+        let mut attempts = earlier.as_ref().map_or_else(Vec::new, |earlier| earlier.attempts.clone());
         attempts.push(AttemptRecord {
             attempt: attempt.number,
             host: owner.host.clone(),
@@ -222,22 +220,21 @@ impl<'a> Run<'a> {
             ..AttemptRecord::default()
         });
         let start = Start { options, fingerprint: &fingerprint, attempts };
-        let (output, so_far, saved) = match &found {
-            None => (Output::create(&shot, start)?, SoFar::default(), None),
-            Some(found) => {
-                let head = &found.checkpoint.head;
-                let so_far = SoFar::of(found, shot.about.timeline.start, &record.unwrap_or_default(), observer);
-                let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
-                let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
-                observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
-                let output = Output::resume(&shot, start, from)?;
-                let saved = output.has_caches_of(head).then_some((head.frame, head.sub_step));
-                (output, so_far, saved)
+        let before = (earlier.as_ref(), found.as_ref(), &record.unwrap_or_default());
+        let begun = Self::begin(&shot, start, before, (&store, attempt.number, other_form), observer);
+        let (output, SoFar { totals, counted }) = match begun {
+            Ok(begun) => begun,
+            Err(error) => {
+                drop(reserve);
+                // The first error counts.
+                let _ = last_words::failed_to_begin(out, &error.to_string());
+                return Err(error);
             }
         };
-        belts::write(&shot, &options.out)?;
-        let SoFar { totals, counted } = so_far;
-        let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
+        let head = found.as_ref().map(|found| &found.checkpoint.head).filter(|head| output.has_caches_of(head));
+        let saved = head.map(|head| (head.frame, head.sub_step));
+        let (reserve, attempt) = (Some(reserve), attempt.number);
+        let cadence = Cadence::new(options.checkpoint_every, 0.0);
         let (clock, is_new) = (Instant::now(), found.is_none());
         Ok(Self {
             shot,
@@ -246,6 +243,7 @@ impl<'a> Run<'a> {
             output,
             store,
             lock,
+            reserve,
             cadence,
             clock,
             attempt,
@@ -257,6 +255,47 @@ impl<'a> Run<'a> {
             saved,
             inputs,
         })
+    }
+
+    /// Prepares the folder to go on from the checkpoint that was found, or from the start: sets aside what comes after it, and opens
+    /// the output. Returns it with the totals up to there.
+    fn begin(
+        shot: &Shot,
+        start: Start<'_>,
+        (earlier, found, record): (Option<&Earlier>, Option<&Loaded>, &Record),
+        (store, attempt, other_form): (&Store, u32, bool),
+        observer: &mut dyn Observer,
+    ) -> Result<(Output, SoFar), ShotError> {
+        let out = &start.options.out;
+        if let Some(earlier) = earlier
+            && resume::set_aside_after(shot, out, earlier, found, (store, attempt))?
+        {
+            let (set_aside, removed) = (stale::attempt(out, attempt), stale::prune(out, start.fingerprint)?);
+            observer.note(format!(
+                "frames that are simulated again were moved to {}{}",
+                set_aside.display(),
+                stale::removed_in_words(&removed)
+            ));
+        }
+        let Some(found) = found else {
+            let output = Output::create(shot, start)?;
+            belts::write(shot, out)?;
+            return Ok((output, SoFar::default()));
+        };
+        let head = &found.checkpoint.head;
+        let so_far = SoFar::of(found, shot.about.timeline.start, record, observer);
+        let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
+        let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
+        observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
+        let output = Output::resume(shot, start, from)?;
+        belts::write(shot, out)?;
+        Ok((output, so_far))
+    }
+
+    /// Opens the writer of the cloth after lines of the listings, then all frames that are missing.
+    fn all(&mut self, observer: &mut dyn Observer) -> Result<Outcome, ShotError> {
+        self.dump = Dump::of_run(&mut self.shot, self.options, &self.totals)?;
+        self.frames(observer)
     }
 
     /// All frames that are missing.
@@ -479,6 +518,13 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// Says that the run failed, and why, in the room that was kept for that.
+    fn fail(&mut self, error: &ShotError) {
+        self.reserve = None;
+        // The first error counts.
+        let _ = self.output.fail(error);
+    }
+
     /// Brings everything to the disk and gives the folder back.
     fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
         let frame = self.shot.simulation().frame();
@@ -491,7 +537,7 @@ impl<'a> Run<'a> {
             Err(error @ (IoError::LockLost { .. } | IoError::LockGone { .. })) => return Err(error.into()),
             Err(error) => {
                 let error = ShotError::from(error);
-                let _ = self.output.fail(&error);
+                self.fail(&error);
                 return Err(error);
             }
         }

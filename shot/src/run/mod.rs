@@ -3,6 +3,7 @@
 
 mod belts;
 mod bundle;
+mod continued;
 mod counted;
 mod dump;
 mod folder;
@@ -12,6 +13,7 @@ mod kept_frames;
 mod observer;
 mod options;
 mod output;
+mod reserve;
 mod resume;
 mod rewritten;
 mod totals;

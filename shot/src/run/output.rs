@@ -13,7 +13,7 @@ use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWrit
 use drapery_io::checkpoint::Head;
 use drapery_io::convert::write_shot;
 use drapery_io::error::IoError;
-use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles, holds_whole_frames};
+use drapery_io::formats::{self, Part, ShotCache, ShotFiles};
 use drapery_io::units::Units;
 use serde_json::{Value, json};
 
@@ -27,11 +27,12 @@ use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
 use crate::run::belts;
+use crate::run::continued::{Continued, Planned};
 use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
-use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
-use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, listed_layers};
+use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
+use crate::run_record::manifest::{former_files, listed_files, listed_layers};
 use crate::run_record::writer::{RunRecord, counts, digests_record, failure_record, stages};
 use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
@@ -69,15 +70,6 @@ struct ShotLayer {
     write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
     /// Names of the caches, garment by garment.
     files: Vec<String>,
-}
-
-/// A cache to be: file, and how it is made.
-struct Planned {
-    /// The garment, or behind all garments the render mesh.
-    object: usize,
-    path: PathBuf,
-    create: CreateCache,
-    resume: ResumeCache,
 }
 
 /// Data that goes into the folder of an attempt beside its scene.
@@ -127,32 +119,14 @@ impl Output {
     pub(super) fn resume(shot: &Shot, start: Start<'_>, from: From<'_>) -> Result<Self, IoError> {
         let folder = start.options.out.clone();
         let planned = planned(shot, &folder);
-        let marks: Vec<CacheMark> =
-            from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
+        let continued = Continued::of(from.head, &folder, from.other_form);
         let rewritten = RefCell::new(BTreeMap::<i64, FrameDigests>::new());
         let resume = |cache: &Planned, plan: CachePlan<'_>| {
-            let mark = marks.iter().find(|mark| mark.file == file_name(&cache.path));
-            match (mark, from.head.delivered) {
-                (_, None) => (cache.create)(&cache.path, &plan),
-                (Some(mark), Some(_)) if !from.other_form => (cache.resume)(&cache.path, &plan, mark),
-                (own, Some(last)) => {
-                    // Its own file first: a cache of another format may have been left out for a while.
-                    let stem = cache.path.file_stem();
-                    let others = || marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
-                    // Then one that has the samples between frames too.
-                    let has_all = |mark: &&CacheMark| !holds_whole_frames(Path::new(&mark.file));
-                    let other = others().rfind(has_all).or(others().next_back());
-                    let source = own.or(other).map(|mark| folder.join(&mark.file));
-                    let last = (last, others().map(|mark| mark.sub_frame).max().unwrap_or(0));
-                    let source = source.unwrap_or_else(|| cache.path.clone());
-                    let open = (cache.create, cache.resume);
-                    let garment = plan.garment.to_owned();
-                    let mut take = |frame, digests| {
-                        rewritten.borrow_mut().entry(frame).or_default().insert(garment.clone(), digests);
-                    };
-                    NewForm { path: &cache.path, plan, open }.write(&source, last, &mut take)
-                }
-            }
+            let garment = plan.garment.to_owned();
+            let mut take = |frame, digests| {
+                rewritten.borrow_mut().entry(frame).or_default().insert(garment.clone(), digests);
+            };
+            continued.open(cache, plan, &mut take)
         };
         let writers = of_objects(shot, &planned, resume)?;
         // Of the frames so far it would hold too many or too few, whether this run writes it again or not.
@@ -175,6 +149,7 @@ impl Output {
             lines.iter().try_for_each(|(frame, all)| record.line(&digests_record(*frame, all)))?;
         }
         let mut manifest = manifest(shot, start.options, &planned, start.attempts);
+        manifest.former = former(&folder, &paths(&planned));
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
@@ -442,7 +417,9 @@ impl Output {
         self.manifest.error = Some(error.to_string());
         // One of them may be what failed; the others are brought to the disk all the same.
         self.writers.iter_mut().flatten().for_each(|writer| _ = writer.finish());
-        self.close("failed", "failed", &failure_record(&error.to_string()))
+        // The manifest says it also where the record cannot.
+        let recorded = self.record.line(&failure_record(&error.to_string()));
+        self.say("failed", "failed").and(recorded)
     }
 
     fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
@@ -450,17 +427,25 @@ impl Output {
             writer.finish()?;
         }
         self.record.check()?;
-        self.close(state, how, record)
+        self.record.line(record)?;
+        self.say(state, how)
     }
 
-    fn close(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
-        self.record.line(record)?;
+    /// Writes state and end of the attempt into the manifest.
+    fn say(&mut self, state: &'static str, how: &str) -> Result<(), IoError> {
         self.manifest.state = state.into();
         if let Some(attempt) = self.manifest.attempts.last_mut() {
             attempt.end = Some(how.to_owned());
         }
         self.manifest.write(&self.folder)
     }
+}
+
+/// Refuses what [`Output::resume`] would refuse, as long as nothing is touched: a cache that is missing, damaged, too long or of
+/// another plan.
+pub(super) fn check_resume(shot: &Shot, folder: &Path, head: &Head, other_form: bool) -> Result<(), IoError> {
+    let continued = Continued::of(head, folder, other_form);
+    planned(shot, folder).iter().try_for_each(|cache| continued.check(cache, cache_plan(shot, cache.object)))
 }
 
 /// Returns the entry of a checkpoint in the manifest.
@@ -518,20 +503,27 @@ pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     paths(&planned(shot, folder))
 }
 
+/// Names of caches in a folder that its manifest lists, and that are not written any more.
+fn former(folder: &Path, planned: &[PathBuf]) -> Vec<String> {
+    let listed = listed_files(folder).into_iter().chain(former_files(folder));
+    listed.filter(|path| !planned.contains(path) && path.is_file()).map(|path| file_name(&path)).collect()
+}
+
 fn paths(planned: &[Planned]) -> Vec<PathBuf> {
     planned.iter().map(|cache| cache.path.clone()).collect()
 }
 
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
-    let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
+    let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, (f.create?, f.resume?, f.check?)))).collect();
     let caches = |(object, name): (usize, &str)| {
         let path = |extension: &str| folder.join(format!("{name}.{extension}"));
-        let cache = |&(extension, create, resume): &(&str, CreateCache, ResumeCache)| Planned {
+        let cache = |&(extension, (create, resume, check)): &(&str, _)| Planned {
             object,
             path: path(extension),
             create,
             resume,
+            check,
         };
         writable.iter().map(cache).collect()
     };
@@ -586,6 +578,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         ignored: shot.simulation().scene().description().ignored_garments(),
         layers: over.chain(shot.single_layer(&options.out)).map(|path| file_name(&path)).collect(),
         threads: options.threads,
+        former: Vec::new(),
         command: Some(options.command.clone()),
         checkpoint: None,
         attempts,

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use drapery_core::Vec3;
 use drapery_io::attributes::{FromPositions, StoredValues};
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::{Between, CacheFrames};
@@ -54,32 +55,66 @@ impl NewForm<'_> {
         resume(self.path, &self.plan, &mark)
     }
 
+    /// Finds out whether the cache `source` has the frames up to `last` with all that is asked for; changes nothing.
+    ///
+    /// # Errors
+    /// As [`NewForm::write`], but for the disk; every sample is looked for, and the content of the first.
+    pub(super) fn check(&self, source: &Path, last: (i64, usize)) -> Result<(), IoError> {
+        let frames = CacheFrames::open(source)?;
+        let samples = self.samples_until(last).map(|at| self.sample(&frames, at));
+        let numbers: Vec<usize> = samples.collect::<Result<_, _>>().map_err(|what| lacks(source, what))?;
+        let Some(first) = numbers.first() else { return Ok(()) };
+        self.velocities(&frames, *first)?;
+        if self.plan.attributes.strain || self.plan.attributes.contact {
+            let held = frames.samples.frame(0, *first)?.values;
+            let of_positions = self.plan.attributes.strain && self.plan.mesh.read()?.render_mesh_of.is_none();
+            let strain = held.strain.or(of_positions.then(Vec::new));
+            self.refuse_missing(source, &StoredValues { strain, ..held })?;
+        }
+        Ok(())
+    }
+
+    /// The samples to write up to `last`: frames, and which one behind each.
+    fn samples_until(&self, last: (i64, usize)) -> impl Iterator<Item = (i64, usize)> + use<> {
+        // A format of whole frames passes over the samples between them.
+        let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
+        let samples_of = move |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
+        (self.plan.first_frame..=last.0).flat_map(move |frame| samples_of(frame).map(move |k| (frame, k)))
+    }
+
+    /// Velocities of a sample, as they are stored; empty where none are asked for and none are there.
+    fn velocities(&self, frames: &CacheFrames, sample: usize) -> Result<Vec<Vec3>, IoError> {
+        match frames.velocities(0, sample)? {
+            Some(velocities) => Ok(velocities),
+            None if self.plan.velocities => Err(lacks(&frames.path, "it holds no velocities".to_owned())),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Refuses attributes that are asked for and not there.
+    fn refuse_missing(&self, source: &Path, values: &StoredValues) -> Result<(), IoError> {
+        let asked = [(self.plan.attributes.strain, "strain"), (self.plan.attributes.contact, "contact")];
+        let is_held = |name: &str| values.named().any(|(held, _)| held == name);
+        match asked.into_iter().find(|(is_asked, name)| *is_asked && !is_held(name)) {
+            Some((_, name)) => Err(lacks(source, format!("it holds no {name}"))),
+            None => Ok(()),
+        }
+    }
+
     fn copy_frames(
         &self,
         source: &Path,
         last: (i64, usize),
         (writer, take): (&mut dyn CacheWriter, &mut dyn FnMut(i64, GarmentDigests)),
     ) -> Result<(), IoError> {
-        let lacks = |what: String| {
-            let advice = "restore [output], or start over with --overwrite";
-            IoError::data(source, "the frames so far", what, advice)
-        };
         let frames = CacheFrames::open(source)?;
         let folder = source.parent().unwrap_or(Path::new("."));
         let crossings = if self.plan.crossings { crossings_of(folder) } else { BTreeMap::new() };
-        // A format of whole frames passes over the samples between them.
-        let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
-        let samples_of = |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
-        let samples = (self.plan.first_frame..=last.0).flat_map(|frame| samples_of(frame).map(move |k| (frame, k)));
         let from_positions = self.attributes_of_positions()?;
-        for (frame, sub_frame) in samples {
-            let sample = self.sample(&frames, (frame, sub_frame)).map_err(lacks)?;
+        for (frame, sub_frame) in self.samples_until(last) {
+            let sample = self.sample(&frames, (frame, sub_frame)).map_err(|what| lacks(source, what))?;
             let positions = self.positions(&frames, sample)?;
-            let velocities = match frames.velocities(0, sample)? {
-                Some(velocities) => velocities,
-                None if self.plan.velocities => return Err(lacks("it holds no velocities".to_owned())),
-                None => Vec::new(),
-            };
+            let velocities = self.velocities(&frames, sample)?;
             // The record counts whole frames alone.
             let counted = if sub_frame > 0 { frames.samples.frame(0, sample)?.crossings } else { None };
             let counted = counted.or_else(|| crossings.get(&frame).copied());
@@ -95,11 +130,7 @@ impl NewForm<'_> {
             let metres = self.plan.units.length.metres();
             let strain = from_positions.has_strain().then(|| from_positions.strain(positions, metres));
             let values = StoredValues { strain: strain.or(stored.strain), contact: stored.contact };
-            for (_, name) in asked.into_iter().zip(["strain", "contact"]).filter(|(is_asked, _)| *is_asked) {
-                if !values.named().any(|(held, _)| held == name) {
-                    return Err(lacks(format!("it holds no {name}")));
-                }
-            }
+            self.refuse_missing(source, &values)?;
             let (normals, values) = (&normals[..], values.values());
             writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings, values })?;
             let stored = if self.plan.velocities { velocities } else { &[] };
@@ -144,6 +175,11 @@ impl NewForm<'_> {
             }
         }
     }
+}
+
+/// The error of a cache that does not have the frames so far as they are asked for.
+fn lacks(source: &Path, what: String) -> IoError {
+    IoError::data(source, "the frames so far", what, "restore [output], or start over with --overwrite")
 }
 
 /// Returns the path at which the new form is written until it is whole; it keeps its extension.

@@ -52,6 +52,9 @@ pub struct Manifest {
     /// Files over all caches of a format, relative to the folder.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<String>,
+    /// Caches of earlier attempts that this one no longer writes, relative to the folder. They end where it began.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub former: Vec<String>,
     /// Number of threads of each rank.
     pub threads: usize,
     /// The command line that continues the run.
@@ -162,10 +165,19 @@ pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
     let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
     let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let garments = manifest["garments"].as_array().into_iter().flatten();
-    let names =
-        garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
+    caches_in(folder, garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()))
+}
+
+/// Caches that the manifest of a folder lists as those of earlier attempts, and nothing else that it may name.
+pub(crate) fn former_files(folder: &Path) -> Vec<PathBuf> {
+    let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
+    let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
+    caches_in(folder, manifest["former"].as_array().into_iter().flatten())
+}
+
+fn caches_in<'a>(folder: &Path, names: impl Iterator<Item = &'a Value>) -> Vec<PathBuf> {
     let is_cache = |path: &PathBuf| formats::of_file(path).is_some_and(|format| format.create.is_some());
-    names.filter_map(|name| named_in(folder, name)).filter(is_cache).collect()
+    names.filter_map(|name| named_in(folder, name.as_str()?)).filter(is_cache).collect()
 }
 
 /// Files over all caches that the manifest of a folder lists, and nothing else that it may name.
@@ -211,8 +223,9 @@ mod tests {
             "body.obj",
             "logs",
         ];
-        let manifest = json!({"garments": [{"files": names}]});
+        let manifest = json!({"garments": [{"files": names}], "former": names});
         std::fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
-        assert_eq!(listed_files(folder.path()), ["sheet.abc", "sheet.h5"].map(|name| folder.path().join(name)));
+        let caches = ["sheet.abc", "sheet.h5"].map(|name| folder.path().join(name));
+        assert_eq!([listed_files(folder.path()), former_files(folder.path())], [&caches[..], &caches[..]]);
     }
 }

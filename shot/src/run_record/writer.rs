@@ -102,10 +102,13 @@ impl RunRecord {
     /// Appends a line.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// The disk refuses; what it has taken of the line is cut off, if that can be done.
     pub(crate) fn line(&mut self, value: &Value) -> Result<(), IoError> {
         let line = format!("{value}\n");
-        self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))?;
+        if let Err(error) = self.file.write_all(line.as_bytes()) {
+            let _ = self.file.set_len(self.written).and_then(|()| self.file.seek(SeekFrom::Start(self.written)));
+            return Err(IoError::writing(&self.path, error));
+        }
         self.written += line.len() as u64;
         Ok(())
     }
@@ -133,6 +136,7 @@ pub(crate) fn record_failure(folder: &Path, error: &str) -> Result<(), IoError> 
     let file = OpenOptions::new().read(true).append(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
     let mut record = RunRecord { path, file, written: 0 };
     record.end_half_line()?;
+    record.written = record.length()?;
     record.line(&failure_record(error))
 }
 

@@ -10,6 +10,7 @@ use drapery_io::scene_file;
 use drapery_shot::Shot;
 use drapery_shot::rules::Warning;
 
+mod samples;
 mod seams;
 mod start;
 mod units;
@@ -38,8 +39,13 @@ fn with(tables: &str) -> String {
     format!("{SHEET}{tables}")
 }
 
-/// A box between two corners that hardly moves in frames 1 to 4, at so many frames per second; `says` whether the file says so.
-fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
+/// A box between two corners that hardly moves in frames 1 to 4, at a number of frames per second; `says` whether the file says so.
+fn hero(folder: &Path, corners: [[f32; 3]; 2], fps: f64, says: bool) {
+    hero_with(folder, corners, (fps, says), (4.0 * fps / 24.0) as usize);
+}
+
+/// The same with a number of samples, from frame 1 on.
+fn hero_with(folder: &Path, [low, high]: [[f32; 3]; 2], (fps, says): (f64, bool), samples: usize) {
     let options = ArchiveOptions { frames_per_second: says.then_some(fps), ..ArchiveOptions::default() };
     let mut archive = ArchiveWriter::create(folder.join("hero.abc"), &options).expect("a file");
     let sampling = TimeSampling::frames(1.0, fps).expect("a rate");
@@ -52,7 +58,7 @@ fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
     // Clockwise seen from outside: Alembic's way round.
     let face_indices = [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]].concat();
     let topology = Topology { face_counts: &[4; 6], face_indices: &face_indices };
-    for sample in 0..(4.0 * fps / 24.0) as usize {
+    for sample in 0..samples {
         let points = points.iter().map(|[x, y, z]| [x + 1e-3 * sample as f32, *y, *z]).collect::<Vec<_>>();
         let sample = PolyMeshSample { topology: Some(topology), ..PolyMeshSample::of(&points) };
         mesh.write(&mut archive, &sample).expect("a sample");
@@ -259,9 +265,17 @@ fn a_thickness_that_short_edges_lower_is_told_with_what_is_left() {
     let by_rule = |thickness: &str| {
         with(&format!("[[contact]]\nbetween = [\"sheet\", \"sheet\"]\nthickness = \"{thickness}\"\n"))
     };
+    let painted =
+        |name: &str| with(&format!("maps = {{ thickness = \"file:{name}.txt\" }}\nabsolute_maps = [\"thickness\"]\n"));
+    let maps = |folder: &Path| {
+        for thickness in ["0.06", "0.033"] {
+            let file = folder.join(format!("{thickness}.txt"));
+            std::fs::write(file, format!("{thickness}\n").repeat(21 * 13)).expect("a file");
+        }
+    };
     rule(
         "thickness_lowered",
-        without_file,
+        maps,
         &[
             (
                 &thick,
@@ -280,9 +294,18 @@ fn a_thickness_that_short_edges_lower_is_told_with_what_is_left() {
                     "write thickness = \"33.333 mm\" in its [[contact]]",
                 ],
             ),
+            (
+                &painted("0.06"),
+                &[
+                    " vertices keep less than the thickness in their map, down to 33.333 mm",
+                    "smaller values in the map are kept everywhere",
+                    "write values of at most 0.033333 into its map of `thickness`, which is in metres",
+                ],
+            ),
         ],
         &[
             SHEET,
+            &painted("0.033"),
             &by_rule("33.3 mm"),
             &thick.replace("60 mm", "33.3 mm"),
             &thick.replace("[self_repulsion]\n", "[self_repulsion]\nthickness_clamp = 0.4\n"),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{HERO, hero, rule, sheets};
+use super::{BALL, HERO, hero, rule, sheets};
 
 #[test]
 fn a_garment_in_a_wrong_unit_is_told_whether_or_not_the_body_states_its_own() {
@@ -33,5 +33,28 @@ fn a_garment_in_a_wrong_unit_is_told_whether_or_not_the_body_states_its_own() {
             ],
         )],
         &[&scene("patch.obj", "cm")],
+    );
+}
+
+#[test]
+fn a_garment_in_a_wrong_unit_is_told_by_a_ball_and_not_by_ground() {
+    let files = |folder: &Path| {
+        let write = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
+        write("metres.obj", sheets(5, &[(1.0, false)]));
+    };
+    let scene = |body: &str, unit: &str| {
+        format!(
+            "drapery = 1\n[shot]\nframes = \"2-3\"\n[gravity]\n{body}[[garment]]\nname = \"shirt\"\nrest = \"metres.obj\"\n\
+             units = {{ length = \"{unit}\", up = \"Y\" }}\nmaterial = \"cotton_shirting\"\n"
+        )
+    };
+    let ball = format!("{BALL}position = [0.5, 1.2, 0.5]\n");
+    let floor =
+        "[[body]]\nname = \"floor\"\nshape = { box = { half_extents = [20, 0.1, 20] } }\nposition = [0, -1, 0]\n";
+    rule(
+        "garment_units",
+        files,
+        &[(&scene(&ball, "cm"), &["body \"ball\" one of 0.866 m", "In metres the garment would", "length = \"m\""])],
+        &[&scene(floor, "cm")],
     );
 }

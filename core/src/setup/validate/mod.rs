@@ -38,6 +38,11 @@ use maps_and_seams::{check_elastics, check_maps, check_maps_are_used, check_seam
 use unused::check_unused;
 
 impl Scene {
+    /// Returns the problems of a description that can be found without the elements of its meshes: before they are built, and soon.
+    pub fn problems_of(description: &SceneDescription) -> Vec<Problem> {
+        check_description(description)
+    }
+
     /// Checks a description and derives what does not change: triangulation, masses, parts; on one rank.
     ///
     /// # Errors

@@ -48,6 +48,36 @@ impl ArchiveWriter {
         declare: impl FnOnce(&mut Self) -> Result<T, AlembicError>,
     ) -> Result<(Self, T), AlembicError> {
         let path = path.as_ref();
+        let (mut writer, declared, is_last) = Self::at_mark(path, options, mark, declare)?;
+        if is_last {
+            remove_if_there(&unfinished(path))?;
+        } else {
+            writer.go_on_in_copy(mark)?;
+        }
+        writer.make_room(mark.end, mark.end)?;
+        Ok((writer, declared))
+    }
+
+    /// Finds out whether the archive can go on after the commit `mark`; changes nothing.
+    ///
+    /// # Errors
+    /// As [`ArchiveWriter::resume`], but for those of the copy.
+    pub fn check_resume<T>(
+        path: impl AsRef<Path>,
+        options: &ArchiveOptions,
+        mark: &ArchiveMark,
+        declare: impl FnOnce(&mut Self) -> Result<T, AlembicError>,
+    ) -> Result<(), AlembicError> {
+        Self::at_mark(path.as_ref(), options, mark, declare).map(|_| ())
+    }
+
+    /// The archive as it was after the commit `mark`, what `declare` returned, and whether the header points to that commit.
+    fn at_mark<T>(
+        path: &Path,
+        options: &ArchiveOptions,
+        mark: &ArchiveMark,
+        declare: impl FnOnce(&mut Self) -> Result<T, AlembicError>,
+    ) -> Result<(Self, T, bool), AlembicError> {
         let (source, root) = ChunkSource::open_at(path, mark.root)?;
         let mut writer = Self::restored(path, &source, root)?;
         if writer.end != mark.end || writer.packed_mark() != Some(*mark) {
@@ -68,13 +98,7 @@ impl ArchiveWriter {
         }
         writer.sealed = false;
         writer.mark = Some(*mark);
-        if source.root_in_header() == mark.root {
-            remove_if_there(&unfinished(path))?;
-        } else {
-            writer.go_on_in_copy(mark)?;
-        }
-        writer.make_room(mark.end, mark.end)?;
-        Ok((writer, declared))
+        Ok((writer, declared, source.root_in_header() == mark.root))
     }
 
     /// Removes the archive at `path`, if there is one, and what a process that was killed while it

@@ -18,6 +18,7 @@ pub(super) const FORMAT: Format = Format {
     channel: Some(channel::read),
     create: Some(|path, plan| Ok(Box::new(AlembicWriter::create(path, plan)?))),
     resume: Some(|path, plan, mark| Ok(Box::new(AlembicWriter::resume(path, plan, mark)?))),
+    check: Some(AlembicWriter::check_resume),
     read_back: Some(read_back::open),
     ..Format::new("abc", "Alembic (Ogawa): bodies and garments in, caches out", summary::summary)
 };

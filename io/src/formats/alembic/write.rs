@@ -165,17 +165,11 @@ impl AlembicWriter {
     /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
     pub fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan)?;
-        if marked_frames(path, plan, mark)? == 0 {
+        let Some((at, still, kept)) = writer.found_sound(plan, mark)? else {
             // What a run without a break has at this point: no file before the first frame.
             ArchiveWriter::remove(path)?;
             return Ok(writer);
-        }
-        if let Some(held) = writer.last_frame_held().filter(|held| *held > plan.last_frame) {
-            return Err(too_short(path, plan, held));
-        }
-        let kept = plan.samples_until(mark.last_frame.unwrap_or(plan.first_frame), mark.sub_frame);
-        let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
-        let still = writer.still()?;
+        };
         let resumed =
             ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, &still, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
@@ -183,6 +177,38 @@ impl AlembicWriter {
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)
+    }
+
+    /// Finds out whether [`AlembicWriter::resume`] would go on; changes nothing.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
+        let mut writer = Self::create(path, plan)?;
+        let Some((at, still, kept)) = writer.found_sound(plan, mark)? else { return Ok(()) };
+        let checked = ArchiveWriter::check_resume(path, &writer.options, &at, |archive| {
+            writer.declare_again(archive, &still, kept)
+        });
+        checked.map_err(|e| not_continued(path, mark, e))
+    }
+
+    /// The commit to go on after, what does not move, and the number of samples up to there; nothing where the mark is before the
+    /// first frame.
+    fn found_sound(
+        &mut self,
+        plan: &CachePlan<'_>,
+        mark: &CacheMark,
+    ) -> Result<Option<(ArchiveMark, Still, usize)>, IoError> {
+        let path = &self.path;
+        if marked_frames(path, plan, mark)? == 0 {
+            return Ok(None);
+        }
+        if let Some(held) = self.last_frame_held().filter(|held| *held > plan.last_frame) {
+            return Err(too_short(path, plan, held));
+        }
+        let kept = plan.samples_until(mark.last_frame.unwrap_or(plan.first_frame), mark.sub_frame);
+        let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
+        Ok(Some((at, self.still()?, kept)))
     }
 
     /// Everything that does not move; takes note of the hard edges.

@@ -50,6 +50,7 @@ pub(super) const FORMAT: Format = Format {
     whole_frames: true,
     create: Some(|path, plan| Ok(Box::new(Hdf5Writer::create(path, plan)?))),
     resume: Some(|path, plan, mark| Ok(Box::new(Hdf5Writer::resume(path, plan, mark)?))),
+    check: Some(Hdf5Writer::check_resume),
     read_back: Some(read_back::open),
     ..Format::new("h5", "HDF5: caches out, for analysis", summary::summary)
 };

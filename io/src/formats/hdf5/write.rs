@@ -58,6 +58,40 @@ impl Hdf5Writer {
             return Self::create(path, plan);
         }
         let failed = |e| IoError::writing(path, e);
+        let (mut stored, in_place) = Self::found_sound(path, plan, (mark, kept))?;
+        remove(&unfinished(path))?;
+        let mut bytes = Vec::new();
+        if in_place {
+            stored.cut(kept, &mut bytes).map_err(failed)?;
+        } else {
+            let mut copy = create_beside(path, plan)?;
+            let copied = copy.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| copy.file.sync_all());
+            copied.and_then(|()| fs::rename(unfinished(path), path)).map_err(failed)?;
+            sync_name(path);
+            stored = copy;
+        }
+        let size = stored.file.metadata().map_err(failed)?.len();
+        Ok(Self::new(path, plan, stored, CacheMark { bytes: size, ..mark.clone() }))
+    }
+
+    /// Finds out whether [`Hdf5Writer::resume`] would go on; changes nothing.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
+        match marked_frames(path, plan, mark)? {
+            0 => Ok(()),
+            kept => Self::found_sound(path, plan, (mark, kept)).map(|_| ()),
+        }
+    }
+
+    /// The file with its first frames found sound, and whether it is gone on with in place.
+    fn found_sound(
+        path: &Path,
+        plan: &CachePlan<'_>,
+        (mark, kept): (&CacheMark, usize),
+    ) -> Result<(Stored, bool), IoError> {
+        let failed = |e| IoError::writing(path, e);
         let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
         if !path.try_exists().map_err(failed)? {
             return Err(cannot_continue(path, frame, "the cache is missing"));
@@ -75,23 +109,12 @@ impl Hdf5Writer {
         if hexadecimal(murmur3_x64_128(&bytes)) != mark.digest {
             return Err(cannot_continue(path, frame, "the frame differs from the one that was written"));
         }
-        drop(data);
-        remove(&unfinished(path))?;
-        let looked_at = marks[kept..].iter().any(|mark| *mark != 0);
-        if stored.frames == plan.frame_count() && !looked_at {
-            stored.cut(kept, &mut bytes).map_err(failed)?;
-        } else {
-            if let Some(held) = marks.iter().rposition(|mark| *mark != 0).filter(|held| *held >= plan.frame_count()) {
-                return Err(too_short(path, plan, plan.first_frame + held as i64));
-            }
-            let mut copy = create_beside(path, plan)?;
-            let copied = copy.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| copy.file.sync_all());
-            copied.and_then(|()| fs::rename(unfinished(path), path)).map_err(failed)?;
-            sync_name(path);
-            stored = copy;
+        if let Some(held) = marks.iter().rposition(|mark| *mark != 0).filter(|held| *held >= plan.frame_count()) {
+            return Err(too_short(path, plan, plan.first_frame + held as i64));
         }
-        let size = stored.file.metadata().map_err(failed)?.len();
-        Ok(Self::new(path, plan, stored, CacheMark { bytes: size, ..mark.clone() }))
+        let looked_at = marks[kept..].iter().any(|mark| *mark != 0);
+        let in_place = stored.frames == plan.frame_count() && !looked_at;
+        Ok((stored, in_place))
     }
 
     fn new(path: &Path, plan: &CachePlan<'_>, stored: Stored, mark: CacheMark) -> Self {

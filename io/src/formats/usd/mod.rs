@@ -18,6 +18,7 @@ use crate::error::IoError;
 pub(super) const USD: Format = Format {
     create: Some(|path, plan| Ok(Box::new(write::UsdWriter::create(path, plan)))),
     resume: Some(|path, plan, mark| Ok(Box::new(write::UsdWriter::resume(path, plan, mark)?))),
+    check: Some(write::UsdWriter::check_resume),
     read_back: Some(read_back::open),
     folder_of: Some(write::clips_of),
     shot: Some(ShotFormat { extension: "usda", write: write::write_shot }),

@@ -127,11 +127,33 @@ impl UsdWriter {
     /// The cache is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
     pub(super) fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan);
-        if marked_frames(path, plan, mark)? == 0 {
+        let Some((folder, last)) = writer.found_sound(plan, mark)? else {
             // What a run without a break has at this point: nothing before the first frame.
             remove(path)?;
             remove_folder(&writer.clips)?;
             return Ok(writer);
+        };
+        writer.write_layer(&folder, (last, mark.sub_frame))?;
+        writer.remove_later(&folder, (last, mark.sub_frame))?;
+        writer.mark = mark.clone();
+        writer.note_lengths(&folder)?;
+        writer.stage = Stage::Open(folder);
+        Ok(writer)
+    }
+
+    /// Finds out whether [`UsdWriter::resume`] would go on; changes nothing.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
+        Self::create(path, plan).found_sound(plan, mark).map(|_| ())
+    }
+
+    /// The folder of clips to go on in, and the last frame; nothing where the mark is before the first frame.
+    fn found_sound(&mut self, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Option<(PathBuf, i64)>, IoError> {
+        let path = &self.path.clone();
+        if marked_frames(path, plan, mark)? == 0 {
+            return Ok(None);
         }
         let failed = |e| IoError::writing(path, e);
         let last = mark.last_frame.unwrap_or(plan.first_frame);
@@ -143,12 +165,12 @@ impl UsdWriter {
         if let Some(held) = last_frame_in(&layer).filter(|held| *held > plan.last_frame) {
             return Err(too_short(path, plan, held));
         }
-        let still = writer.topology()?;
-        let folder = writer.folder_of(&still);
+        let still = self.topology()?;
+        let folder = self.folder_of(&still);
         match fs::read(folder.join(CacheLayer::TOPOLOGY)) {
             Ok(there) if there == still => {}
             Ok(_) => return Err(refused("its topology is no longer the one that was written")),
-            Err(e) if e.kind() == ErrorKind::NotFound && writer.clips.is_dir() => {
+            Err(e) if e.kind() == ErrorKind::NotFound && self.clips.is_dir() => {
                 return Err(refused(
                     "the cache was started with different settings: a different mesh, origin, unit or content",
                 ));
@@ -179,12 +201,7 @@ impl UsdWriter {
         if held.map_err(|e| refused(&e.to_string()))? != plan.mesh.point_count() {
             return Err(refused("the cache was started with different settings: a different number of points"));
         }
-        writer.write_layer(&folder, (last, mark.sub_frame))?;
-        writer.remove_later(&folder, (last, mark.sub_frame))?;
-        writer.mark = mark.clone();
-        writer.note_lengths(&folder)?;
-        writer.stage = Stage::Open(folder);
-        Ok(writer)
+        Ok(Some((folder, last)))
     }
 
     /// The layer of what does not move; takes note of the hard edges.

@@ -1,0 +1,19 @@
+//! Wedges: what no run of them can have is named before anything runs.
+
+use crate::{SHEET, drapery, folder_with};
+
+#[test]
+fn a_key_that_the_integrator_of_one_run_does_not_have_is_named_before_anything_runs() {
+    let folder = folder_with(SHEET);
+    for (key, integrators, refused) in [
+        ("solver.steps_per_frame=16", "tr_bdf2,semi_implicit", "integrator=semi_implicit"),
+        ("solver.cfl=2", "semi_implicit,tr_bdf2", "integrator=tr_bdf2"),
+    ] {
+        let vary = format!("solver.integrator={integrators}");
+        let wedge = drapery(folder.path(), &["wedge", "scene.toml", "--out", "w", "--vary", &vary, "--set", key]);
+        assert_eq!(wedge.code, Some(78), "{}{}", wedge.stdout, wedge.stderr);
+        let name = key.split(['.', '=']).nth(1).unwrap();
+        assert!(wedge.stderr.contains(&format!("run {refused}")) && wedge.stderr.contains(name), "{}", wedge.stderr);
+        assert!(!folder.path().join("w").exists());
+    }
+}
