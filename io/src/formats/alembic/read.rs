@@ -166,11 +166,9 @@ impl MeshReader for AlembicMesh {
         let mut first = 0;
         for mesh in &self.meshes {
             let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
-            let mirrored = is_mirrored(mesh, time)?;
+            let winding = Winding::of(mesh, time)?;
             mesh.faces_in_pieces(sample, PIECE, &mut |Faces { face_counts, face_indices }| {
-                if !mirrored {
-                    reverse(face_counts, face_indices);
-                }
+                winding.turn(face_counts, face_indices);
                 face_indices.iter_mut().for_each(|corner| *corner += first);
                 take(face_counts, face_indices);
             })?;
@@ -278,11 +276,9 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
     let faces = mesh.faces(sample)?;
     let point_count = mesh.vertex_count(sample)?;
-    let mirrored = is_mirrored(mesh, time)?;
+    let winding = Winding::of(mesh, time)?;
     let turn = |mut corners: Vec<u32>| {
-        if !mirrored {
-            reverse(&faces.face_counts, &mut corners);
-        }
+        winding.turn(&faces.face_counts, &mut corners);
         corners
     };
     let uvs = mesh.uv().map(|uv| read_uvs(&uv, sample, &faces.face_indices)).transpose()?.flatten();
@@ -291,7 +287,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let split_normals = split.map(|split| SplitNormals { indices: turn(split.indices), ..split });
     let mut params = Vec::new();
     for attribute in mesh.attributes() {
-        let corners = mirrored.then_some(faces.face_counts.as_slice());
+        let corners = winding.is_mirrored().then_some(faces.face_counts.as_slice());
         params.extend(read_param(&attribute, sample, corners)?);
     }
     let face_set = |set: drapery_alembic::FaceSet| FaceSet {
@@ -410,9 +406,29 @@ fn read_param(param: &GeomParam, sample: usize, mirrored: Option<&[u32]>) -> Res
     }))
 }
 
-/// Whether its faces are counter-clockwise in the world as they are stored.
-fn is_mirrored(mesh: &PolyMesh, time: f64) -> Result<bool, IoError> {
-    Ok(determinant(&mesh.world_matrix_at(time)?) < 0.0)
+/// Order of the corners of stored faces, seen from outside in the world: clockwise, or the other way where parents mirror the mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Winding {
+    is_mirrored: bool,
+}
+
+impl Winding {
+    /// The order in a mesh at a time [s].
+    pub(super) fn of(mesh: &PolyMesh, time: f64) -> Result<Self, IoError> {
+        Ok(Self { is_mirrored: determinant(&mesh.world_matrix_at(time)?) < 0.0 })
+    }
+
+    /// Whether faces are counter-clockwise as they are stored.
+    pub(super) fn is_mirrored(self) -> bool {
+        self.is_mirrored
+    }
+
+    /// Puts what is stored for the corners of faces in the counter-clockwise order.
+    pub(super) fn turn<T>(self, face_counts: &[u32], corners: &mut [T]) {
+        if !self.is_mirrored {
+            reverse(face_counts, corners);
+        }
+    }
 }
 
 /// Volume of the unit cube under the linear part; negative for a mirror.
