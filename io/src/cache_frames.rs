@@ -208,7 +208,8 @@ impl CacheFrames {
     /// # Errors
     /// They cannot be read.
     pub fn attributes(&self, mesh: usize) -> Result<MeshData, IoError> {
-        self.samples.attributes(mesh, &self.meshes[mesh])
+        let data = self.samples.attributes(mesh, &self.meshes[mesh])?;
+        Ok(MeshData { params_in: Some(self.input_units), ..data })
     }
 
     /// Positions of a sample of a mesh as they are stored; `None` if its parents do more than shift them, or of a stage with
