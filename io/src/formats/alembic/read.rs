@@ -31,6 +31,9 @@ pub(super) const SAME_TIME: f64 = 1e-6;
 /// A time this close to a stored one, in sample steps, is that sample and not a blend of two.
 const SAME_SAMPLE: f64 = 1e-3;
 
+/// Why a mesh is not rendered.
+pub(super) const INVISIBLE: &str = "it is invisible";
+
 /// Meshes of an archive, read as one.
 #[derive(Debug)]
 pub struct AlembicMesh {
@@ -41,11 +44,11 @@ pub struct AlembicMesh {
 }
 
 impl AlembicMesh {
-    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all meshes
+    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all that are rendered
     /// without a pattern.
     ///
     /// # Errors
-    /// The file is missing or damaged, the pattern is malformed, or no mesh fits it.
+    /// The file is missing or damaged, the pattern is malformed, or fits no mesh that is rendered.
     pub fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
         // The system's own words for a missing file are the same everywhere; ours carry advice.
         input_file::open(path)?;
@@ -63,6 +66,11 @@ impl AlembicMesh {
         }
         if meshes.is_empty() {
             return Err(IoError::data(path, "objects", without_meshes(&archive), "export the meshes themselves"));
+        }
+        let hidden = take_hidden(&mut meshes)?;
+        if let (Some(hidden), true) = (hidden.first(), meshes.is_empty()) {
+            let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
+            return Err(IoError::data(path, "objects", what, "show it before the export, or choose another mesh"));
         }
         let times = sample_times(&meshes)?;
         Ok(Self { path: path.to_owned(), meshes, times, frame_rate: archive.frames_per_second_hint() })
@@ -219,6 +227,18 @@ pub(super) fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
         let between = |a: f32, b: f32| (f64::from(a) + (f64::from(b) - f64::from(a)) * share) as f32;
         *v = std::array::from_fn(|axis| between(v[axis], other[axis]));
     }
+}
+
+/// Takes away the meshes that are hidden at all times; returns their paths.
+pub(super) fn take_hidden(meshes: &mut Vec<PolyMesh>) -> Result<Vec<String>, IoError> {
+    let mut hidden = Vec::new();
+    for mesh in std::mem::take(meshes) {
+        match mesh.object().is_hidden()? {
+            true => hidden.push(mesh.object().path().to_owned()),
+            false => meshes.push(mesh),
+        }
+    }
+    Ok(hidden)
 }
 
 /// Says what an archive holds instead of meshes.

@@ -10,7 +10,8 @@ use drapery_core::Vec3;
 use globset::escape;
 
 use super::read::{
-    AlembicMesh, SAME_TIME, Winding, blend, changed, is_ours, merge_times, split_normals, transform_times,
+    AlembicMesh, INVISIBLE, SAME_TIME, Winding, blend, changed, is_ours, merge_times, split_normals, take_hidden,
+    transform_times,
 };
 use super::write::{CROSSINGS, TRIANGLES, bounds_of, shifted};
 use crate::attributes::{LISTED, PREF, PointAttributes, StoredValues, THICKNESS};
@@ -59,11 +60,11 @@ struct Sample {
     around: (usize, usize, f64),
 }
 
-/// Opens all meshes of an archive, in the order of their paths; frames are at the rate that is said, or else at the one that the
+/// Opens all meshes of an archive that are to be seen, in the order of their paths; frames are at the rate that is said, or else at the one that the
 /// file tells.
 ///
 /// # Errors
-/// The archive is damaged or holds no mesh.
+/// The archive is damaged, or nothing is to be seen of it.
 pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<CacheFrames, IoError> {
     let archive = root.map_or_else(|| Archive::open(path), |root| Archive::open_at(path, root))?;
     let word = |key: &str| archive.metadata().get(key).unwrap_or_default();
@@ -74,11 +75,17 @@ pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<Cache
     if stored.is_empty() {
         return Err(IoError::data(path, "objects", "it contains no mesh", "give a cache of a garment"));
     }
+    let hidden = take_hidden(&mut stored)?;
+    if let (Some(hidden), true) = (hidden.first(), stored.is_empty()) {
+        let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
+        return Err(IoError::data(path, "objects", what, "show it before the export"));
+    }
+    let hidden = hidden.iter().map(|path| format!("{path} is left out: {INVISIBLE}")).collect();
     let fps = rate.or(archive.frames_per_second_hint());
     let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
     let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
     let samples = ArchiveSamples { path: path.to_owned(), meshes, bounds: archive.bounds()?, archive, fps };
-    Ok(CacheFrames { states_length, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
+    Ok(CacheFrames { states_length, hidden, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
 }
 
 impl CacheSamples for ArchiveSamples {
@@ -247,7 +254,7 @@ impl ArchiveMesh {
 }
 
 /// Times at which a mesh is stored, or a transform above it that moves, ascending.
-fn times_of(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
+pub(super) fn times_of(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
     let mut times = transform_times(mesh)?;
     if times.is_empty() {
         return Ok(mesh.times());
