@@ -102,7 +102,7 @@ impl CutCost {
         let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
         let quality = area.norm() / longest;
         // Not a number where all corners are in one place.
-        let is_flat = !(quality > FLAT_CUT);
+        let is_flat = quality.is_nan() || quality <= FLAT_CUT;
         let is_turned = !is_flat && area.dot(&normal) < 0.0;
         Self {
             turned: u32::from(is_turned),
