@@ -205,8 +205,8 @@ def test_info_names_the_frames_of_one_frame_of_parents_that_move_and_of_other_ti
     codes.SetFramesPerSecond(24)
     codes.Save()
     # 2002/48 s are 1001 frames of 1/24 s.
-    told = drapery("info", tmp_path / "codes.usda").stdout
-    assert "frames 1001.000 to 1005.000 at 24 fps" in told, told
+    shown = drapery("info", tmp_path / "codes.usda").stdout
+    assert "frames 1001.000 to 1005.000 at 24 fps" in shown, shown
 
 
 @pytest.mark.parametrize(("visible", "is_seen"), [((), True), ((-1,), True), ((1,), True), ((0,), False), ((0, 0, 0), False), ((0, 1, 0), True)])
