@@ -1,6 +1,7 @@
 //! Meshes: the artist's polygons as they are in the file, and the fixed triangulation that is simulated.
 
 use crate::Vec3;
+use crate::tolerances::FLAT_CUT;
 
 /// Polygons of any size over points [m]; kept for output exactly as they were read.
 ///
@@ -40,7 +41,9 @@ impl PolygonMesh {
     }
 
     /// Triangulates every face by a rule that depends on the positions alone: quads along their shorter diagonal (the
-    /// first on ties), larger polygons by cutting ears. Returns the triangles and, for each, its polygon.
+    /// first on ties), larger polygons by cutting ears. A polygon in which this leaves a triangle without area, because
+    /// corners lie on a line, is cut along other diagonals if there are better ones. Returns the triangles and, for
+    /// each, its polygon.
     pub fn triangulate(&self) -> (Vec<[u32; 3]>, Vec<u32>) {
         let mut triangles = Vec::new();
         let mut polygons = Vec::new();
@@ -55,30 +58,123 @@ impl PolygonMesh {
 /// Appends the triangles of one polygon by the rule of [`PolygonMesh::triangulate`]; `at` says where a point is. A triangle is
 /// not looked at.
 pub(crate) fn triangulate_face(at: impl Fn(u32) -> Vec3, corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
+    let first = triangles.len();
     match *corners {
         [a, b, c] => triangles.push([a, b, c]),
-        [a, b, c, d] => {
-            // A concave quad has to be cut at its reflex corner, whatever the diagonals' lengths.
-            let convex = |p: u32, q: u32, r: u32, s: u32| {
-                (at(q) - at(p)).cross(&(at(r) - at(p))).dot(&(at(r) - at(p)).cross(&(at(s) - at(p)))) > 0.0
-            };
-            let (along_ac, along_bd) = (convex(a, b, c, d), convex(b, c, d, a));
-            let shorter_ac = (at(a) - at(c)).norm_squared() <= (at(b) - at(d)).norm_squared();
-            if (shorter_ac && along_ac) || !along_bd {
-                triangles.extend([[a, b, c], [a, c, d]]);
-            } else {
-                triangles.extend([[b, c, d], [b, d, a]]);
+        [a, b, c, d] => triangles.extend(cut_quad(&at, [a, b, c, d])),
+        _ => cut_ears(&at, corners, triangles),
+    }
+    if (4..=LARGEST_CUT_AGAIN).contains(&corners.len()) {
+        let normal = normal(&at, corners);
+        let cost = |[a, b, c]: [u32; 3]| CutCost::of([at(a), at(b), at(c)], normal);
+        let before = triangles[first..].iter().map(|t| cost(*t)).fold(CutCost::NONE, CutCost::with);
+        if before.flat > 0 {
+            let (after, others) = cut_at_least_cost(corners, cost);
+            if after.is_below(&before) {
+                triangles.truncate(first);
+                triangles.extend(others);
             }
         }
-        _ => cut_ears(at, corners, triangles),
     }
+}
+
+/// Most corners of a polygon that is cut again if it has triangles without area: the time grows with their third power.
+const LARGEST_CUT_AGAIN: usize = 512;
+
+/// Faults of the triangles that a polygon is cut into, the worse ones first.
+#[derive(Debug, Clone, Copy)]
+struct CutCost {
+    /// Triangles that face the other side.
+    turned: u32,
+    /// Triangles without area.
+    flat: u32,
+    /// Smallest area of the others by the square of their longest edges.
+    quality: f64,
+}
+
+impl CutCost {
+    /// No triangle.
+    const NONE: Self = Self { turned: 0, flat: 0, quality: f64::INFINITY };
+
+    /// One triangle of a polygon with this normal.
+    fn of([a, b, c]: [Vec3; 3], normal: Vec3) -> Self {
+        let area = 0.5 * (b - a).cross(&(c - a));
+        let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        let quality = area.norm() / longest;
+        // Not a number where all corners are in one place.
+        let is_flat = quality.is_nan() || quality <= FLAT_CUT;
+        let is_turned = !is_flat && area.dot(&normal) < 0.0;
+        Self {
+            turned: u32::from(is_turned),
+            flat: u32::from(is_flat),
+            quality: if is_flat { f64::INFINITY } else { quality },
+        }
+    }
+
+    /// The triangles of both.
+    fn with(self, other: Self) -> Self {
+        Self {
+            turned: self.turned + other.turned,
+            flat: self.flat + other.flat,
+            quality: self.quality.min(other.quality),
+        }
+    }
+
+    fn is_below(&self, other: &Self) -> bool {
+        let faults = (self.turned, self.flat).cmp(&(other.turned, other.flat));
+        faults.is_lt() || (faults.is_eq() && self.quality > other.quality)
+    }
+}
+
+/// The triangulation with the least cost, the first on ties: the best of each run of corners from those of shorter runs. In a
+/// polygon that does not cross itself, triangles that all face its side do not overlap.
+fn cut_at_least_cost(corners: &[u32], cost: impl Fn([u32; 3]) -> CutCost) -> (CutCost, Vec<[u32; 3]>) {
+    let count = corners.len();
+    // By the first and the last corner of the run; with the corner of the triangle over these two.
+    let mut best = vec![(CutCost::NONE, 0); count * count];
+    for length in 2..count {
+        for first in 0..count - length {
+            let last = first + length;
+            let run = |apex: usize| {
+                let both = best[first * count + apex].0.with(best[apex * count + last].0);
+                (both.with(cost([corners[first], corners[apex], corners[last]])), apex)
+            };
+            let least = |a: (CutCost, usize), b: (CutCost, usize)| if b.0.is_below(&a.0) { b } else { a };
+            best[first * count + last] = (first + 2..last).map(run).fold(run(first + 1), least);
+        }
+    }
+    let (mut runs, mut triangles) = (vec![(0, count - 1)], Vec::with_capacity(count - 2));
+    while let Some((first, last)) = runs.pop() {
+        if last - first > 1 {
+            let apex = best[first * count + last].1;
+            triangles.push([corners[first], corners[apex], corners[last]]);
+            runs.extend([(first, apex), (apex, last)]);
+        }
+    }
+    (best[count - 1].0, triangles)
+}
+
+/// A quad along its shorter diagonal, the first on ties.
+fn cut_quad(at: impl Fn(u32) -> Vec3, [a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
+    // A concave quad has to be cut at its reflex corner, whatever the diagonals' lengths.
+    let convex = |p: u32, q: u32, r: u32, s: u32| {
+        (at(q) - at(p)).cross(&(at(r) - at(p))).dot(&(at(r) - at(p)).cross(&(at(s) - at(p)))) > 0.0
+    };
+    let (along_ac, along_bd) = (convex(a, b, c, d), convex(b, c, d, a));
+    let shorter_ac = (at(a) - at(c)).norm_squared() <= (at(b) - at(d)).norm_squared();
+    if (shorter_ac && along_ac) || !along_bd { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
+}
+
+/// Mean normal of a polygon, twice its area long [m²].
+fn normal(at: impl Fn(u32) -> Vec3, corners: &[u32]) -> Vec3 {
+    let origin = at(corners[0]);
+    corners.windows(2).map(|w| (at(w[0]) - origin).cross(&(at(w[1]) - origin))).sum()
 }
 
 /// Ear cutting in the plane of the polygon's mean normal; takes the first ear found, so the result is fixed by the order
 /// of the corners. A polygon without a proper ear (it crosses itself) is fanned from its first corner.
 fn cut_ears(at: impl Fn(u32) -> Vec3, corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
-    let origin = at(corners[0]);
-    let normal: Vec3 = corners.windows(2).map(|w| (at(w[0]) - origin).cross(&(at(w[1]) - origin))).sum();
+    let normal = normal(&at, corners);
     let mut ring = corners.to_vec();
     while ring.len() > 3 {
         let count = ring.len();
@@ -317,6 +413,7 @@ fn edges_of(mut sides: Vec<[u32; 3]>, keep: impl Fn(&[[u32; 3]]) -> bool) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::random::SplitMix64;
 
     fn area_of(points: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
         let at = |i: u32| points[i as usize];
@@ -340,6 +437,76 @@ mod tests {
             assert!((area_of(&points, &triangles) - area).abs() < 1e-15);
             assert!(triangles.iter().all(|t| area_of(&points, &[*t]) > 0.0), "{triangles:?}");
         }
+    }
+
+    /// Polygons with corners on a line, drawn on squared paper: merged quads, a rectangle with corners on all sides, an L, a
+    /// triangle and two quads with corners on a side.
+    const ON_LINES: [&[[i32; 2]]; 6] = [
+        &[[0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [2, 1], [1, 1], [0, 1]],
+        &[[0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [3, 2], [2, 2], [1, 2], [0, 2], [0, 1]],
+        &[[0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [2, 1], [1, 1], [1, 2], [1, 3], [0, 3], [0, 2], [0, 1]],
+        &[[0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [2, 3]],
+        &[[0, 0], [1, 0], [2, 0], [1, 5]],
+        &[[2, 0], [1, 5], [0, 0], [1, 0]],
+    ];
+
+    /// Turned about all axes and moved by up to ten metres.
+    fn placed(corners: &[[f64; 2]], random: &mut SplitMix64) -> Vec<Vec3> {
+        let angles = [(); 3].map(|()| 4.0 * random.signed());
+        let turn = nalgebra::Rotation3::from_euler_angles(angles[0], angles[1], angles[2]);
+        let shift = Vec3::from([(); 3].map(|()| 10.0 * random.signed()));
+        corners.iter().map(|[x, y]| turn * Vec3::new(*x, *y, 0.0) + shift).collect()
+    }
+
+    #[test]
+    fn a_polygon_with_corners_on_a_line_has_no_triangle_without_area_however_it_lies() {
+        let mut random = SplitMix64::new(11);
+        for corners in ON_LINES {
+            let doubled = (0..corners.len()).map(|i| (corners[i], corners[(i + 1) % corners.len()]));
+            let area = 0.5 * f64::from(doubled.map(|([x, y], [u, v])| x * v - y * u).sum::<i32>());
+            let real: Vec<[f64; 2]> = corners.iter().map(|corner| corner.map(f64::from)).collect();
+            for single in (0..1000).map(|case| case % 2 == 0) {
+                let mut points = placed(&real, &mut random);
+                if single {
+                    points.iter_mut().for_each(|p| *p = p.map(|c| f64::from(c as f32)));
+                }
+                let count = points.len() as u32;
+                let face = PolygonMesh { points, face_counts: vec![count], face_indices: (0..count).collect() };
+                let triangles = face.triangulate().0;
+                assert_eq!(triangles.len(), corners.len() - 2);
+                let at = |v: u32| face.points[v as usize];
+                let normals = triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))));
+                let normals: Vec<Vec3> = normals.collect();
+                let whole: Vec3 = normals.iter().sum();
+                // Corners are on squared paper, so a triangle that has an area has half a square.
+                let smallest = normals.iter().map(|n| n.dot(&whole) / area).fold(f64::INFINITY, f64::min);
+                assert!(smallest > 0.499, "{smallest} in {triangles:?} of {corners:?}");
+                assert!((normals.iter().map(Vec3::norm).sum::<f64>() - area).abs() < 1e-4, "{triangles:?}");
+                let used: std::collections::BTreeSet<u32> = triangles.iter().flatten().copied().collect();
+                assert_eq!(used.len(), corners.len());
+            }
+        }
+    }
+
+    #[test]
+    fn a_polygon_without_corners_on_a_line_keeps_its_ears_and_one_that_is_a_line_its_fan() {
+        let mut random = SplitMix64::new(12);
+        for count in 5..12 {
+            let star = |i: i32| {
+                let (angle, radius) = (6.0 * f64::from(i) / f64::from(count), if i % 3 == 0 { 3.0 } else { 10.0 });
+                [radius * angle.cos(), radius * angle.sin()]
+            };
+            let corners: Vec<[f64; 2]> = (0..count).map(star).collect();
+            let points = placed(&corners, &mut random);
+            let (mut ears, mut found) = (Vec::new(), Vec::new());
+            let numbers: Vec<u32> = (0..count as u32).collect();
+            cut_ears(|v| points[v as usize], &numbers, &mut ears);
+            triangulate_face(|v| points[v as usize], &numbers, &mut found);
+            assert_eq!(found, ears);
+        }
+        let mut line = Vec::new();
+        triangulate_face(|v| Vec3::x() * f64::from(v), &[0, 1, 2, 3, 4], &mut line);
+        assert_eq!(line, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
     }
 
     #[test]

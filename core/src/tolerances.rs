@@ -24,6 +24,11 @@ pub(crate) const WEIGHTS_ROUNDING: f64 = 1e-9;
 /// Smallest rest area of a triangle relative to the square of its longest edge. Guarded by the validation tests.
 pub const DEGENERATE_AREA: f64 = 1e-10;
 
+/// Area of a triangle of a polygon, by the square of its longest edge, up to which its corners count as lying on a line: rounding to
+/// single precision a hundred edges away from the origin leaves less. Guarded by
+/// `a_polygon_with_corners_on_a_line_has_no_triangle_without_area_however_it_lies`.
+pub(crate) const FLAT_CUT: f64 = 1e-5;
+
 /// Displacement into their triangles of vertices in one place that nothing joins, as a share of the way to the
 /// middles of the triangles. Rounding to single precision a hundred edges away from the origin is less; the eye sees
 /// nothing of it. Guarded by

@@ -31,15 +31,12 @@ pub struct CacheMesh {
     pub faces: Connectivity,
     /// The triangles that were simulated, or the faces cut into triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Frame number of every complete sample, ascending; sample numbers where nobody says the frame rate of the file, or none of
-    /// them is a whole frame ([`CacheMesh::counts_samples`]). Of files with several samples a frame, whole frames only.
+    /// Frame number of every complete sample, ascending; sample numbers where nobody says the frame rate of the file. Of files with
+    /// several samples a frame, whole frames only; none where no sample is one.
     pub frames: Vec<i64>,
     /// The samples between and around these, ascending. As samples of the cache they are counted behind the frames: the first is
     /// `frames.len()`.
     pub between: Vec<Between>,
-    /// Whether its frames are but numbers of its samples: nobody says the frame rate of the file, or at that rate no sample is a
-    /// whole frame.
-    pub counts_samples: bool,
     /// Whether nothing of it changes from sample to sample; a stage shows what stands still at all times.
     pub is_still: bool,
     /// Purpose of a mesh of a stage, in USD's words (`render`, `proxy`, `guide`), if not everything.
@@ -211,7 +208,8 @@ impl CacheFrames {
     /// # Errors
     /// They cannot be read.
     pub fn attributes(&self, mesh: usize) -> Result<MeshData, IoError> {
-        self.samples.attributes(mesh, &self.meshes[mesh])
+        let data = self.samples.attributes(mesh, &self.meshes[mesh])?;
+        Ok(MeshData { params_in: Some(self.input_units), ..data })
     }
 
     /// Positions of a sample of a mesh as they are stored; `None` if its parents do more than shift them, or of a stage with

@@ -51,8 +51,7 @@ pub struct Conversion {
     pub length: Option<LengthUnit>,
     /// Up axis of the new cache; that of the old one when left out.
     pub up: Option<UpAxis>,
-    /// Frame rate as a fraction, where the cache does not tell it; the samples of an Alembic file, which have times, are in frames
-    /// of this rate whatever the file says.
+    /// Frame rate as a fraction, where the cache does not state it. One that a cache states stays.
     pub fps: Option<(u32, u32)>,
     /// Whether the new cache has the triangles that were simulated in the place of the faces.
     pub triangles: bool,
@@ -246,15 +245,14 @@ fn opened(conversion: &Conversion) -> Result<CacheFrames, IoError> {
 fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
     let Some((numerator, denominator)) = conversion.fps else { return CacheFrames::open(&conversion.from) };
     let said = f64::from(numerator) / f64::from(denominator);
-    let source = CacheFrames::open_at_rate(&conversion.from, said)?;
     let differs = |fps: &f64| (fps - said).abs() > SAME_RATE * said;
-    match source.fps.filter(differs) {
+    match CacheFrames::open(&conversion.from)?.fps.filter(differs) {
         Some(fps) => {
             let what = format!("the frames of this file are at {fps} fps, but --fps is {numerator}/{denominator}");
             let advice = "leave --fps out: a different rate would change the time of every frame";
             Err(IoError::data(&conversion.from, "frame rate", what, advice))
         }
-        None => Ok(source),
+        None => CacheFrames::open_at_rate(&conversion.from, said),
     }
 }
 
@@ -279,8 +277,7 @@ fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, boo
     data.params.retain(|param| ![PREF, REST].iter().any(|rest| cache.attributes.has(&param.name, rest)));
     data.mesh.points = source.positions(mesh, sample)?;
     data.split_normals = cache.split_normals.clone();
-    // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
-    // turned round and they are not.
+    // As they were simulated: from the shape at rest, which is not in the cache.
     data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
     Ok(if triangles { cut(data) } else { data })
 }

@@ -72,9 +72,9 @@ pub struct MeshSummary {
     pub faces: [usize; 3],
     /// Whether points and faces change.
     pub topology: &'static str,
-    /// Number of samples of the points.
+    /// Number of times at which its points, or a parent that moves it, are stored.
     pub samples: usize,
-    /// Times of the first and the last sample [s]; `None` where the file has frames without a rate.
+    /// Times of the first and the last sample [s]; `None` where the file has frames without a rate, or the mesh does not move.
     pub times: Option<[f64; 2]>,
     /// Smallest and largest coordinates of the first sample, in world space and the file's unit.
     pub bounds: Option<[[f64; 3]; 2]>,

@@ -12,7 +12,7 @@ use drapery_core::mesh::PolygonMesh;
 
 use crate::error::IoError;
 use crate::normals::SplitNormals;
-use crate::units::StatedUnits;
+use crate::units::{InputUnits, StatedUnits};
 
 /// Texture coordinates: a list of values, and for every face corner which value it has.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -80,8 +80,10 @@ pub struct MeshData {
     pub split_normals: Option<SplitNormals>,
     /// Face sets in the order of the file.
     pub face_sets: Vec<FaceSet>,
-    /// Other attributes, passed through as they are.
+    /// Other attributes, passed through as they are but for unit and axes.
     pub params: Vec<MeshParam>,
+    /// Unit and axes of positions, vectors and normals among them; `None` where nothing says it, as of a mesh of no file.
+    pub params_in: Option<InputUnits>,
     /// The material that the mesh is bound to, in a format that has such bindings.
     pub material: Option<BoundMaterial>,
     /// Purpose of the mesh, in USD's words (`render`, `proxy`, `guide`), where a cache states it.
@@ -101,6 +103,46 @@ impl MeshData {
     /// A mesh without attributes.
     pub fn new(mesh: PolygonMesh) -> Self {
         Self { mesh, ..Self::default() }
+    }
+
+    /// Converts positions, vectors and normals among what is handed through to another unit and other axes.
+    pub(crate) fn convert_params(&mut self, to: InputUnits) {
+        let Some(from) = self.params_in.replace(to).filter(|from| *from != to) else { return };
+        for param in &mut self.params {
+            match param.interpretation.as_str() {
+                "point" | "vector" => param.convert(|v| to.from_si(from.to_si(v))),
+                // They keep their length.
+                "normal" => {
+                    let [from, to] = [from, to].map(|units| InputUnits { metres: 1.0, ..units });
+                    param.convert(|v| to.from_si(from.to_si(v)));
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+impl MeshParam {
+    /// Converts values of three numbers in single or double precision.
+    fn convert(&mut self, convert: impl Fn(Vec3) -> Vec3) {
+        if self.data_type.extent != 3 {
+            return;
+        }
+        match self.data_type.pod {
+            PodType::F32 => {
+                for number in self.values.as_chunks_mut::<4>().0.as_chunks_mut::<3>().0 {
+                    let converted = convert(Vec3::from(number.map(|bytes| f64::from(f32::from_le_bytes(bytes)))));
+                    *number = [converted.x, converted.y, converted.z].map(|x| (x as f32).to_le_bytes());
+                }
+            }
+            PodType::F64 => {
+                for number in self.values.as_chunks_mut::<8>().0.as_chunks_mut::<3>().0 {
+                    let converted = convert(Vec3::from(number.map(f64::from_le_bytes)));
+                    *number = [converted.x, converted.y, converted.z].map(f64::to_le_bytes);
+                }
+            }
+            _ => {}
+        }
     }
 }
 
@@ -227,5 +269,42 @@ pub(crate) fn reverse<T>(face_counts: &[u32], corners: &mut [T]) {
         let (face, after) = rest.split_at_mut(*count as usize);
         face.reverse();
         rest = after;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::UpAxis;
+
+    #[test]
+    fn positions_vectors_and_normals_that_are_handed_through_get_the_unit_and_the_axes_of_the_cache() {
+        let param = |interpretation: &str| MeshParam {
+            name: "P".into(),
+            scope: Scope::Vertex,
+            data_type: DataType::new(PodType::F32, 3),
+            interpretation: interpretation.into(),
+            source_name: None,
+            values: [100.0_f32, 200.0, 300.0].into_iter().flat_map(f32::to_le_bytes).collect(),
+            indices: None,
+        };
+        let centimetres = InputUnits { metres: 0.01, up: UpAxis::Z };
+        let metres = InputUnits { metres: 1.0, up: UpAxis::Y };
+        let kinds = ["point", "vector", "normal", "rgb", ""];
+        let mut data =
+            MeshData { params: kinds.map(param).into(), params_in: Some(centimetres), ..MeshData::default() };
+        let untouched = data.params.clone();
+        data.convert_params(centimetres);
+        assert_eq!(data.params, untouched);
+        data.convert_params(metres);
+        let numbers = |param: &MeshParam| -> Vec<f32> {
+            param.values.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+        };
+        let found: Vec<Vec<f32>> = data.params.iter().map(numbers).collect();
+        let (turned, same) = (vec![100.0, 300.0, -200.0], vec![100.0, 200.0, 300.0]);
+        assert_eq!(found, [vec![1.0, 3.0, -2.0], vec![1.0, 3.0, -2.0], turned, same.clone(), same]);
+        // They are converted once.
+        data.convert_params(metres);
+        assert_eq!(data.params.iter().map(numbers).collect::<Vec<_>>(), found);
     }
 }

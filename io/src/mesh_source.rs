@@ -194,6 +194,7 @@ impl MeshSource {
     /// The file is damaged.
     pub fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {
         let mut data = self.reader.mesh_at(time)?;
+        data.params_in.get_or_insert(self.units);
         self.convert(&mut data.mesh.points);
         Ok(data)
     }

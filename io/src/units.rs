@@ -96,12 +96,7 @@ impl Units {
 
     /// A position, displacement or velocity in metres, Y up, as one of the file: the inverse of [`Units::to_si`].
     pub fn from_si(self, vector: Vec3) -> Vec3 {
-        // Dividing, not multiplying by the rounded inverse: 0.12 m has to come back as 12 cm.
-        let scaled = vector / self.length.metres();
-        match self.up {
-            UpAxis::Y => scaled,
-            UpAxis::Z => Vec3::new(scaled.x, -scaled.z, scaled.y),
-        }
+        InputUnits::from(self).from_si(vector)
     }
 
     /// The numbers that a cache stores for a position or velocity in metres, Y up.
@@ -144,6 +139,16 @@ impl InputUnits {
     /// A position or a displacement of the file as one in metres, Y up.
     pub fn to_si(self, vector: Vec3) -> Vec3 {
         turned_up(vector, self.up) * self.metres
+    }
+
+    /// A position, displacement or velocity in metres, Y up, as one of the file: the inverse of [`InputUnits::to_si`].
+    pub fn from_si(self, vector: Vec3) -> Vec3 {
+        // Dividing, not multiplying by the rounded inverse: 0.12 m has to come back as 12 cm.
+        let scaled = vector / self.metres;
+        match self.up {
+            UpAxis::Y => scaled,
+            UpAxis::Z => Vec3::new(scaled.x, -scaled.z, scaled.y),
+        }
     }
 
     /// Its unit of length, if it is one that scenes know.

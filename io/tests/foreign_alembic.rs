@@ -11,6 +11,7 @@ use drapery_core::Vec3;
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::convert::{Conversion, Converted, convert};
 use drapery_io::error::{IoError, IoErrorKind};
+use drapery_io::mesh_source::MeshSource;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd", "usdc"] } else { &["abc", "h5"] };
@@ -195,7 +196,7 @@ fn a_rate_that_would_move_frames_of_a_cache_in_time_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = Foreign { frames: [1.0, 3.0], step: 1.0, moved: None, rate: BLENDER };
     let from = file.write(&folder.path().join("from.abc"));
-    for format in FORMATS.iter().filter(|format| **format != "abc") {
+    for format in FORMATS {
         let cache = folder.path().join(format!("cache.{format}"));
         converted(&from, &cache, None).unwrap();
         let to = folder.path().join("out.abc");
@@ -204,6 +205,44 @@ fn a_rate_that_would_move_frames_of_a_cache_in_time_is_refused() {
         converted(&cache, &to, Some((24, 1))).unwrap();
         fs::remove_file(to).unwrap();
     }
+}
+
+#[test]
+fn faces_under_a_mirror_are_those_that_the_solver_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    for mirror in [1.0, -1.0] {
+        let path = folder.path().join("mirrored.abc");
+        let mut archive = ArchiveWriter::create(&path, &ArchiveOptions::default()).unwrap();
+        let root = archive.root();
+        let mut matrix = IDENTITY;
+        matrix[0] = mirror;
+        let parent = XformWriter::still(&mut archive, root, "set", Some(&matrix)).unwrap();
+        let mut mesh = PolyMeshWriter::declare(&mut archive, parent.object(), "cloth", 0).unwrap();
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 0.0, 1.0], [2.0, 0.0, 0.5]];
+        let topology = Some(Topology { face_counts: &[4, 3], face_indices: &[0, 1, 2, 3, 1, 4, 2] });
+        mesh.write(&mut archive, &PolyMeshSample { topology, ..PolyMeshSample::of(&points) }).unwrap();
+        archive.finish(Durability::Flushed).unwrap();
+        let cache = CacheFrames::open(&path).unwrap();
+        let found = &cache.meshes[0];
+        let read = MeshSource::open(&path, None, Units::SI).unwrap().mesh_at(0.0).unwrap().mesh;
+        assert_eq!(found.faces.face_indices, read.face_indices, "{mirror}");
+        // The faces are stored clockwise as seen from above, and so the mesh faces up, whatever the parent does.
+        let points = cache.positions(0, 0).unwrap();
+        let at = |v: u32| points[v as usize];
+        let up = |&[a, b, c]: &[u32; 3]| (at(b) - at(a)).cross(&(at(c) - at(a))).y;
+        assert!(found.triangles.len() == 3 && found.triangles.iter().all(|t| up(t) > 0.0), "{mirror}");
+    }
+}
+
+#[test]
+fn samples_of_which_none_is_at_a_whole_frame_keep_their_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = Foreign { frames: [1001.5, 1003.5], step: 1.0, moved: None, rate: BLENDER };
+    let path = file.write(&folder.path().join("halves.abc"));
+    let mesh = &CacheFrames::open(&path).unwrap().meshes[0];
+    assert_eq!((mesh.frames.len(), mesh.points), (0, 3));
+    let expected: Vec<_> = [1001.5, 1002.5, 1003.5].map(|at| (at, [0.0, at, 0.0])).into();
+    assert_eq!(places(&path), expected);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use drapery_core::Vec3;
 use drapery_io::cache_frames::{Between, CacheFrames, CacheMesh};
 use drapery_io::error::IoError;
 use drapery_io::formats;
+use drapery_io::mesh_data::Uvs;
 
 use super::{FrameDistance, PartComparison, Verdict, WorstVertex};
 
@@ -136,6 +137,9 @@ impl Pair {
         }
         if mesh_a.faces != mesh_b.faces {
             self.notes.push(format!("{name}: the faces differ"));
+        } else {
+            let uvs = [self.a.attributes(index_a)?.uvs, self.b.attributes(index_b)?.uvs];
+            self.notes.extend(different_uvs(name, &uvs));
         }
         for (sample_a, frame) in mesh_a.frames.iter().enumerate() {
             if let Ok(sample_b) = mesh_b.frames.binary_search(frame) {
@@ -205,6 +209,25 @@ fn farthest(a: &[Vec3], b: &[Vec3]) -> (usize, f64, f64) {
     (vertex, max, sum)
 }
 
+/// Says in which way the texture coordinates of the corners of the same faces differ, if they do.
+fn different_uvs(name: &str, uvs: &[Option<Uvs>; 2]) -> Option<String> {
+    let (a, b) = match uvs {
+        [None, None] => return None,
+        [Some(_), None] => return Some(format!("{name}: only the first has texture coordinates")),
+        [None, Some(_)] => return Some(format!("{name}: only the second has texture coordinates")),
+        [Some(a), Some(b)] => (a, b),
+    };
+    let of =
+        |uvs: &Uvs, corner: usize| uvs.values.get(*uvs.indices.get(corner)? as usize).map(|uv| uv.map(f32::to_bits));
+    let corners = a.indices.len().max(b.indices.len());
+    let mut other = (0..corners).filter(|corner| of(a, *corner) != of(b, *corner)).peekable();
+    let first = *other.peek()?;
+    let number = other.count();
+    Some(format!(
+        "{name}: the texture coordinates of {number} of {corners} face corners differ, first of corner {first}"
+    ))
+}
+
 /// When a sample is.
 fn moment(at: &Between) -> Moment {
     (at.frame, (at.behind * PARTS_OF_FRAME).round() as i64)
@@ -250,6 +273,22 @@ mod tests {
         let nan = [Vec3::repeat(f64::NAN), Vec3::x(), Vec3::y()];
         assert_eq!(farthest(&nan, &a).1, f64::INFINITY);
         assert_eq!(farthest(&nan, &nan).1, 0.0);
+    }
+
+    #[test]
+    fn texture_coordinates_are_compared_by_corner_however_their_values_are_numbered() {
+        let uvs = |values: &[[f32; 2]], indices: &[u32]| {
+            Some(Uvs { name: String::new(), values: values.into(), indices: indices.into() })
+        };
+        let a = || uvs(&[[0.0, 0.0], [1.0, 0.0]], &[0, 1, 0]);
+        let same = uvs(&[[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], &[1, 0, 2]);
+        assert_eq!(different_uvs("m", &[a(), same]), None);
+        let moved = uvs(&[[0.0, 0.0], [0.5, 0.0]], &[0, 1, 1]);
+        let expected = "m: the texture coordinates of 2 of 3 face corners differ, first of corner 1";
+        assert_eq!(different_uvs("m", &[a(), moved]).as_deref(), Some(expected));
+        let expected = "m: only the first has texture coordinates";
+        assert_eq!(different_uvs("m", &[a(), None]).as_deref(), Some(expected));
+        assert_eq!(different_uvs("m", &[None, None]), None);
     }
 
     #[test]

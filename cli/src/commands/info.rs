@@ -25,12 +25,10 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
         say::line(format_args!("  {name}: {value}"));
     }
     let find = |key: &str| summary.properties.iter().find(|(name, _)| name.eq_ignore_ascii_case(key));
-    let fps = find("DCC_FPS")
-        .or(find("fps"))
-        .or(find("timeCodesPerSecond"))
-        .or(find("FramesPerTimeUnit"))
-        .and_then(|(_, value)| value.parse().ok());
-    let fps = fps.filter(|fps: &f64| *fps > 0.0);
+    let rate = |key: &str| find(key)?.1.parse().ok().filter(|fps: &f64| *fps > 0.0);
+    // A time code of a stage is a frame unless the stage states frames per second.
+    let fps =
+        ["DCC_FPS", "fps", "framesPerSecond", "timeCodesPerSecond", "FramesPerTimeUnit"].into_iter().find_map(rate);
     summary.meshes.iter().for_each(|mesh| print_mesh(mesh, fps));
     for (path, kind) in &summary.others {
         say::line(format_args!("{path}: {kind}"));

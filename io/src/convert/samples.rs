@@ -26,7 +26,7 @@ pub(super) fn chosen(
     to: &Path,
 ) -> Result<(Chosen, Vec<String>), IoError> {
     let described = &source.meshes[mesh];
-    if described.counts_samples && source.fps.is_some() {
+    if described.frames.is_empty() && !described.between.is_empty() {
         return Err(no_frames(source, described));
     }
     let range = range(source, described, asked)?;
@@ -71,8 +71,8 @@ pub(super) fn chosen(
 /// Says that times are those of no frame.
 fn no_frames(source: &CacheFrames, mesh: &CacheMesh) -> IoError {
     let fps = source.fps.unwrap_or_default();
-    let what = format!("none of its {} samples is at a whole frame at {fps} frames per second", mesh.frames.len());
-    let advice = "set the frame rate of the file with --fps, or export it with samples at whole frames";
+    let what = format!("none of its {} samples is at a whole frame at {fps} frames per second", mesh.between.len());
+    let advice = "export it with samples at whole frames; if the file does not state its frame rate, check --fps";
     IoError::data(&source.path, mesh.name.clone(), what, advice)
 }
 

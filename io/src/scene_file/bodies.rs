@@ -235,7 +235,8 @@ impl Resolver<'_> {
                 let here = path.clone().key("rest");
                 let (file, time) = self.file_at(&here, rest)?;
                 let rest = self.open(&here, &file, pattern, body.units)?;
-                let points = self.mesh(&here, &rest, time)?.mesh.points;
+                let time = self.time_in(&here, &rest, time)?;
+                let points = self.mesh(&here, &rest, Some(time))?.mesh.points;
                 self.same_count(&here, "the rest pose", points.len(), "the body", point_count)?;
                 Some(points)
             }

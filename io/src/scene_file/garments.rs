@@ -200,7 +200,7 @@ impl Resolver<'_> {
             let here = path.clone().key("rest");
             let (file, time) = self.file_at(&here, rest)?;
             let source = self.open(&here, &file, garment.path.as_deref(), garment.units)?;
-            let time = time.unwrap_or_else(|| source.first_time());
+            let time = self.time_in(&here, &source, time)?;
             // The path of the first object is that of what several are merged to.
             let object = source.object_path();
             let reader = FromFile::of(&source, garment.path.clone(), time);

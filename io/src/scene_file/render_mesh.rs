@@ -66,7 +66,7 @@ impl Resolver<'_> {
         let max_distance = self.quantity(&here.clone().key("max_distance"), &written.max_distance, Dimension::Length);
         let (named, time) = self.file_at(&file, &written.file)?;
         let source = self.open(&file, &named, written.path.as_deref(), written.units)?;
-        let time = time.unwrap_or_else(|| source.first_time());
+        let time = self.time_in(&file, &source, time)?;
         let object = source.object_path();
         let (path_of_file, units) = (source.path().to_owned(), source.units());
         source.left_out().into_iter().for_each(|what| self.warn(&named, &what));

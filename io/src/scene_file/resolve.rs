@@ -281,6 +281,30 @@ impl Resolver<'_> {
         }
     }
 
+    /// The time in a file [s] of the frame that stands behind its name, or of its first sample without one. A frame outside of its
+    /// samples is refused.
+    pub(super) fn time_in(&mut self, path: &Path, source: &MeshSource, asked: Option<f64>) -> Option<f64> {
+        let Some(time) = asked else { return Some(source.first_time()) };
+        if source.covers(time, time) {
+            return Some(time);
+        }
+        let duration = self.timeline.frame_duration();
+        let frame = |time: f64| (time / duration * 1e3).round() / 1e3;
+        let (Some(first), Some(last)) = (source.sample_times().first(), source.sample_times().last()) else {
+            return Some(time);
+        };
+        let what = format!(
+            "frame {} is outside of the samples of {}, which cover frames {} to {} at {:.6} fps",
+            frame(time),
+            source.path().display(),
+            frame(*first),
+            frame(*last),
+            1.0 / duration
+        );
+        self.data_error(path, what, "choose one of these frames, or export this frame too; check shot.fps".to_owned());
+        None
+    }
+
     fn shot(&mut self) -> Option<(i64, i64)> {
         let shot = &self.scene.document.shot;
         let here = Path::default().key("shot");

@@ -41,7 +41,8 @@ impl Resolver<'_> {
         let here = path.clone().key("start");
         let (file, time) = self.file_at(&here, start)?;
         let source = self.open(&here, &file, garment.path.as_deref(), garment.units)?;
-        let points = self.mesh(&here, &source, time)?.mesh.points;
+        let time = self.time_in(&here, &source, time)?;
+        let points = self.mesh(&here, &source, Some(time))?.mesh.points;
         self.same_count(&here, "the start pose", points.len(), "the rest shape", count)?;
         Some(points)
     }

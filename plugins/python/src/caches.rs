@@ -7,7 +7,7 @@ use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 use drapery_io::attributes::{PointAttributes, PointValues};
 use drapery_io::cache::{self, CacheFrame, CachePlan};
-use drapery_io::cache_frames::{CacheFrames, CacheMesh};
+use drapery_io::cache_frames::{Between, CacheFrames, CacheMesh};
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::garment_mesh::GarmentMesh;
@@ -62,19 +62,41 @@ pub(crate) fn axis(up: UpAxis) -> &'static str {
     }
 }
 
-/// The sample of a frame.
-fn sample_of(path: &Path, mesh: &CacheMesh, frame: i64) -> PyResult<usize> {
-    mesh.frames.binary_search(&frame).map_err(|_| {
-        let advice = match mesh.frames.as_slice() {
+/// Distance of two samples that are one [frames].
+const SAME_SAMPLE: f64 = 1e-6;
+
+/// The sample of a frame, or of a time between frames.
+fn sample_of(path: &Path, mesh: &CacheMesh, frame: f64) -> PyResult<usize> {
+    let whole = (frame.fract() == 0.0).then_some(frame as i64);
+    let is_it = |at: &Between| (time_of(at) - frame).abs() < SAME_SAMPLE;
+    let found = match whole {
+        Some(whole) => mesh.frames.binary_search(&whole).ok(),
+        None => mesh.between.iter().position(is_it).map(|place| mesh.frames.len() + place),
+    };
+    found.ok_or_else(|| {
+        let advice = match frames_of(mesh).as_slice() {
             [] => "it holds no frame yet".to_owned(),
             [first, .., last] => format!("it holds frames {first} to {last}"),
             [only] => format!("it holds frame {only} alone"),
         };
         let what = format!("{}: there is no such frame of {}", path.display(), mesh.name);
         let mut fault = Fault::new(FaultKind::Usage, format!("frame {frame}: {what}\n  help: {advice}"));
-        (fault.object, fault.frame) = (Some(mesh.name.clone()), Some(frame));
+        (fault.object, fault.frame) = (Some(mesh.name.clone()), whole);
         raised(fault)
     })
+}
+
+/// Time of a sample between frames, in frames.
+fn time_of(at: &Between) -> f64 {
+    at.frame as f64 + at.behind
+}
+
+/// Frames of a mesh: the whole ones, or where no sample is one, those that there are.
+fn frames_of(mesh: &CacheMesh) -> Vec<f64> {
+    match mesh.frames.is_empty() {
+        true => mesh.between.iter().map(time_of).collect(),
+        false => mesh.frames.iter().map(|frame| *frame as f64).collect(),
+    }
 }
 
 #[pymethods]
@@ -94,9 +116,11 @@ impl Cache {
         Ok(self.opened()?.meshes.iter().map(|mesh| mesh.name.clone()).collect())
     }
 
-    /// Whole frames of a mesh.
-    fn frames(&self, mesh: usize) -> PyResult<Vec<i64>> {
-        Ok(self.opened()?.meshes[mesh].frames.clone())
+    /// Frames of a mesh, and whether they are whole.
+    fn frames(&self, mesh: usize) -> PyResult<(Vec<f64>, bool)> {
+        let cache = self.opened()?;
+        let mesh = &cache.meshes[mesh];
+        Ok((frames_of(mesh), !mesh.frames.is_empty()))
     }
 
     fn point_count(&self, mesh: usize) -> PyResult<usize> {
@@ -115,20 +139,20 @@ impl Cache {
         Ok((units.named().map(LengthUnit::word), axis(units.up)))
     }
 
-    fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let cache = self.opened()?;
         let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
         arrays::vectors(py, cache.positions(mesh, sample).map_err(raised)?)
     }
 
-    fn velocities<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+    fn velocities<'py>(&self, py: Python<'py>, mesh: usize, frame: f64) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let cache = self.opened()?;
         let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
         cache.velocities(mesh, sample).map_err(raised)?.map(|values| arrays::vectors(py, values)).transpose()
     }
 
     /// Attributes at a frame by their names, in metres with Y up.
-    fn attributes<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyDict>> {
+    fn attributes<'py>(&self, py: Python<'py>, mesh: usize, frame: f64) -> PyResult<Bound<'py, PyDict>> {
         let cache = self.opened()?;
         let sample = sample_of(&self.path, &cache.meshes[mesh], frame)?;
         let (held, units) = (&cache.meshes[mesh], cache.input_units);

@@ -107,6 +107,22 @@ def test_a_cache_that_is_written_is_read_back(tmp_path: Path, extension: str, le
         assert not [line for line in found.failures if "velocities" not in line], found
 
 
+def test_samples_of_which_none_is_at_a_whole_frame_keep_their_times(tmp_path: Path) -> None:
+    path = tmp_path / "sheet.abc"
+    with drapery.CacheWriter(path, POINTS, FACES, frames=(1, 3)) as writer:
+        for frame in (1, 2, 3):
+            writer.write(moved(frame))
+    # 0.7 frames for each of those that were written.
+    mesh = drapery.open_cache(path, fps=16.8).mesh
+    assert np.allclose(mesh.frames, [0.7, 1.4, 2.1]) and len(mesh) == 3 and "frames 0.7 to 2.1" in repr(mesh)
+    assert np.array_equal(mesh[1.4], moved(2)) and np.array_equal(mesh.read(), [moved(frame) for frame in (1, 2, 3)])
+    with pytest.raises(drapery.UsageError, match="frames 0.7 to 2.1"):
+        mesh.positions(1)
+    # Where whole frames are there, they are the frames, and samples between them are found by their times.
+    doubled = drapery.open_cache(path, fps=12).mesh
+    assert doubled.frames == [1] and np.array_equal(doubled[0.5], moved(1)) and np.array_equal(doubled[1.5], moved(3))
+
+
 def test_a_cache_refuses_what_it_cannot_hold(tmp_path: Path) -> None:
     path = tmp_path / "cloth.abc"
     writer = drapery.CacheWriter(path, POINTS, FACES, (1, 2))

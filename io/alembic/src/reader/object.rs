@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use super::open_file::{Node, Shared};
-use super::properties::Compound;
+use super::properties::{Compound, Samples};
 use crate::error::AlembicError;
 use crate::geom::Visibility;
 use crate::metadata::MetaData;
+use crate::property::{DataType, PodType};
 
 /// Kind of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,11 +109,33 @@ impl Object {
     /// Value of `visible` at `time` (s); inherited when there is none.
     pub fn visibility_at(&self, time: f64) -> Result<Visibility, AlembicError> {
         let properties = self.properties()?;
-        let Some(samples) = properties.samples("visible").filter(|samples| !samples.is_empty()) else {
-            return Ok(Visibility::Inherited);
-        };
+        let Some(samples) = visible(&properties) else { return Ok(Visibility::Inherited) };
         let value = samples.values::<i8>(samples.floor_index(time))?;
         Ok(value.first().map_or(Visibility::Inherited, |&value| Visibility::from_value(value)))
+    }
+
+    /// Whether it is hidden at all times: the nearest of it and its parents that does not inherit its visibility says so.
+    pub fn is_hidden(&self) -> Result<bool, AlembicError> {
+        let line: Vec<Object> = std::iter::successors(Some(self.clone()), Object::parent).collect();
+        let mut times = Vec::new();
+        for object in &line {
+            let properties = object.properties()?;
+            if let Some(samples) = visible(&properties) {
+                times.extend((0..samples.len()).map(|index| samples.time_sampling().time(index)));
+            }
+        }
+        for time in &times {
+            let mut seen = Visibility::Inherited;
+            for object in &line {
+                if seen == Visibility::Inherited {
+                    seen = object.visibility_at(*time)?;
+                }
+            }
+            if seen != Visibility::Hidden {
+                return Ok(false);
+            }
+        }
+        Ok(!times.is_empty())
     }
 
     /// The compound of the schema, with the message for an object of another kind.
@@ -136,4 +159,10 @@ impl Object {
         let place = if property.is_empty() { self.path().to_owned() } else { format!("{}:{property}", self.path()) };
         AlembicError::Damaged { path: self.shared.source.path.clone(), place, reason }
     }
+}
+
+/// The samples of `visible` of an object, if it has any of the type that the format gives it.
+fn visible(properties: &Compound) -> Option<&Samples> {
+    let is_char = |samples: &&Samples| samples.data_type() == DataType::new(PodType::I8, 1);
+    properties.samples("visible").filter(is_char).filter(|samples| !samples.is_empty())
 }

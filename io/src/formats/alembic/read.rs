@@ -31,6 +31,9 @@ pub(super) const SAME_TIME: f64 = 1e-6;
 /// A time this close to a stored one, in sample steps, is that sample and not a blend of two.
 const SAME_SAMPLE: f64 = 1e-3;
 
+/// Why a mesh is not rendered.
+pub(super) const INVISIBLE: &str = "it is invisible";
+
 /// Meshes of an archive, read as one.
 #[derive(Debug)]
 pub struct AlembicMesh {
@@ -41,11 +44,11 @@ pub struct AlembicMesh {
 }
 
 impl AlembicMesh {
-    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all meshes
+    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all that are rendered
     /// without a pattern.
     ///
     /// # Errors
-    /// The file is missing or damaged, the pattern is malformed, or no mesh fits it.
+    /// The file is missing or damaged, the pattern is malformed, or fits no mesh that is rendered.
     pub fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
         // The system's own words for a missing file are the same everywhere; ours carry advice.
         input_file::open(path)?;
@@ -63,6 +66,11 @@ impl AlembicMesh {
         }
         if meshes.is_empty() {
             return Err(IoError::data(path, "objects", without_meshes(&archive), "export the meshes themselves"));
+        }
+        let hidden = take_hidden(&mut meshes)?;
+        if let (Some(hidden), true) = (hidden.first(), meshes.is_empty()) {
+            let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
+            return Err(IoError::data(path, "objects", what, "show it before the export, or choose another mesh"));
         }
         let times = sample_times(&meshes)?;
         Ok(Self { path: path.to_owned(), meshes, times, frame_rate: archive.frames_per_second_hint() })
@@ -166,11 +174,9 @@ impl MeshReader for AlembicMesh {
         let mut first = 0;
         for mesh in &self.meshes {
             let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
-            let mirrored = is_mirrored(mesh, time)?;
+            let winding = Winding::of(mesh, time)?;
             mesh.faces_in_pieces(sample, PIECE, &mut |Faces { face_counts, face_indices }| {
-                if !mirrored {
-                    reverse(face_counts, face_indices);
-                }
+                winding.turn(face_counts, face_indices);
                 face_indices.iter_mut().for_each(|corner| *corner += first);
                 take(face_counts, face_indices);
             })?;
@@ -221,6 +227,18 @@ pub(super) fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
         let between = |a: f32, b: f32| (f64::from(a) + (f64::from(b) - f64::from(a)) * share) as f32;
         *v = std::array::from_fn(|axis| between(v[axis], other[axis]));
     }
+}
+
+/// Takes away the meshes that are hidden at all times; returns their paths.
+pub(super) fn take_hidden(meshes: &mut Vec<PolyMesh>) -> Result<Vec<String>, IoError> {
+    let mut hidden = Vec::new();
+    for mesh in std::mem::take(meshes) {
+        match mesh.object().is_hidden()? {
+            true => hidden.push(mesh.object().path().to_owned()),
+            false => meshes.push(mesh),
+        }
+    }
+    Ok(hidden)
 }
 
 /// Says what an archive holds instead of meshes.
@@ -278,11 +296,9 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
     let faces = mesh.faces(sample)?;
     let point_count = mesh.vertex_count(sample)?;
-    let mirrored = is_mirrored(mesh, time)?;
+    let winding = Winding::of(mesh, time)?;
     let turn = |mut corners: Vec<u32>| {
-        if !mirrored {
-            reverse(&faces.face_counts, &mut corners);
-        }
+        winding.turn(&faces.face_counts, &mut corners);
         corners
     };
     let uvs = mesh.uv().map(|uv| read_uvs(&uv, sample, &faces.face_indices)).transpose()?.flatten();
@@ -291,7 +307,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let split_normals = split.map(|split| SplitNormals { indices: turn(split.indices), ..split });
     let mut params = Vec::new();
     for attribute in mesh.attributes() {
-        let corners = mirrored.then_some(faces.face_counts.as_slice());
+        let corners = winding.is_mirrored().then_some(faces.face_counts.as_slice());
         params.extend(read_param(&attribute, sample, corners)?);
     }
     let face_set = |set: drapery_alembic::FaceSet| FaceSet {
@@ -410,9 +426,29 @@ fn read_param(param: &GeomParam, sample: usize, mirrored: Option<&[u32]>) -> Res
     }))
 }
 
-/// Whether its faces are counter-clockwise in the world as they are stored.
-fn is_mirrored(mesh: &PolyMesh, time: f64) -> Result<bool, IoError> {
-    Ok(determinant(&mesh.world_matrix_at(time)?) < 0.0)
+/// Order of the corners of stored faces, seen from outside in the world: clockwise, or the other way where parents mirror the mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Winding {
+    is_mirrored: bool,
+}
+
+impl Winding {
+    /// The order in a mesh at a time [s].
+    pub(super) fn of(mesh: &PolyMesh, time: f64) -> Result<Self, IoError> {
+        Ok(Self { is_mirrored: determinant(&mesh.world_matrix_at(time)?) < 0.0 })
+    }
+
+    /// Whether faces are counter-clockwise as they are stored.
+    pub(super) fn is_mirrored(self) -> bool {
+        self.is_mirrored
+    }
+
+    /// Puts what is stored for the corners of faces in the counter-clockwise order.
+    pub(super) fn turn<T>(self, face_counts: &[u32], corners: &mut [T]) {
+        if !self.is_mirrored {
+            reverse(face_counts, corners);
+        }
+    }
 }
 
 /// Volume of the unit cube under the linear part; negative for a mirror.

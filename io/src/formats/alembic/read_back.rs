@@ -9,7 +9,10 @@ use drapery_alembic::{
 use drapery_core::Vec3;
 use globset::escape;
 
-use super::read::{AlembicMesh, SAME_TIME, blend, changed, is_ours, merge_times, split_normals, transform_times};
+use super::read::{
+    AlembicMesh, INVISIBLE, SAME_TIME, Winding, blend, changed, is_ours, merge_times, split_normals, take_hidden,
+    transform_times,
+};
 use super::write::{CROSSINGS, TRIANGLES, bounds_of, shifted};
 use crate::attributes::{LISTED, PREF, PointAttributes, StoredValues, THICKNESS};
 use crate::cache_frames::rates::film_rate;
@@ -19,7 +22,7 @@ use crate::cache_frames::{
 };
 use crate::error::IoError;
 use crate::formats::Opening;
-use crate::mesh_data::{Connectivity, MeshData, MeshReader, reverse};
+use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::normals::SplitNormals;
 use crate::units::LengthUnit;
 
@@ -57,11 +60,11 @@ struct Sample {
     around: (usize, usize, f64),
 }
 
-/// Opens all meshes of an archive, in the order of their paths; frames are at the rate that is said, or else at the one that the
+/// Opens all meshes of an archive that are to be seen, in the order of their paths; frames are at the rate that is said, or else at the one that the
 /// file tells.
 ///
 /// # Errors
-/// The archive is damaged or holds no mesh.
+/// The archive is damaged, or nothing is to be seen of it.
 pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<CacheFrames, IoError> {
     let archive = root.map_or_else(|| Archive::open(path), |root| Archive::open_at(path, root))?;
     let word = |key: &str| archive.metadata().get(key).unwrap_or_default();
@@ -72,11 +75,17 @@ pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<Cache
     if stored.is_empty() {
         return Err(IoError::data(path, "objects", "it contains no mesh", "give a cache of a garment"));
     }
+    let hidden = take_hidden(&mut stored)?;
+    if let (Some(hidden), true) = (hidden.first(), stored.is_empty()) {
+        let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
+        return Err(IoError::data(path, "objects", what, "show it before the export"));
+    }
+    let hidden = hidden.iter().map(|path| format!("{path} is left out: {INVISIBLE}")).collect();
     let fps = rate.or(archive.frames_per_second_hint());
     let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
     let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
     let samples = ArchiveSamples { path: path.to_owned(), meshes, bounds: archive.bounds()?, archive, fps };
-    Ok(CacheFrames { states_length, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
+    Ok(CacheFrames { states_length, hidden, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
 }
 
 impl CacheSamples for ArchiveSamples {
@@ -121,10 +130,11 @@ impl CacheSamples for ArchiveSamples {
 
     fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
         let ArchiveMesh { mesh, samples, .. } = &self.meshes[mesh];
+        let Sample { time, around } = samples[sample];
         if mesh.topology_variance() != TopologyVariance::Heterogeneous {
             return Ok(None);
         }
-        Ok(Some(counter_clockwise(mesh, samples[sample].around.0)?))
+        Ok(Some(counter_clockwise(mesh, around.0, time)?))
     }
 
     fn check_constants(&self) -> Result<(), IoError> {
@@ -157,10 +167,10 @@ fn left_out(mesh: &PolyMesh, ours: &PointAttributes) -> Vec<String> {
     sentences
 }
 
-/// Faces of a sample as the rest of the program has them.
-fn counter_clockwise(mesh: &PolyMesh, sample: usize) -> Result<Connectivity, IoError> {
+/// Faces of a sample as the rest of the program has them, as the mesh is in the world at a time [s].
+fn counter_clockwise(mesh: &PolyMesh, sample: usize, time: f64) -> Result<Connectivity, IoError> {
     let mut faces = mesh.faces(sample)?;
-    reverse(&faces.face_counts, &mut faces.face_indices);
+    Winding::of(mesh, time)?.turn(&faces.face_counts, &mut faces.face_indices);
     Ok(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices })
 }
 
@@ -168,7 +178,7 @@ impl ArchiveMesh {
     /// A mesh of an archive, whose frames are at `fps` if that is known, and what a cache says of it.
     fn of(mesh: PolyMesh, (archive, fps): (&Archive, Option<f64>)) -> Result<(Self, CacheMesh), IoError> {
         let times = times_of(&mesh)?;
-        let Sorted { frames, between, samples, counted } = sorted(&times, fps);
+        let Sorted { frames, between, samples } = sorted(&times, fps);
         let sample = |number: usize| Sample { time: times[number], around: around(&mesh, times[number]) };
         let samples = samples.into_iter().map(sample).collect();
         let attributes = attributes_of(archive.path(), &mesh)?;
@@ -177,17 +187,16 @@ impl ArchiveMesh {
             name: found.mesh.object().path().to_owned(),
             frames,
             between,
-            counts_samples: counted,
             is_still: found.samples.len() <= 1,
             left_out: left_out(&found.mesh, &found.attributes),
             attributes: found.attributes.clone(),
             ..CacheMesh::default()
         };
         if let Some(first) = found.samples.first() {
-            let faces = counter_clockwise(&found.mesh, first.around.0)?;
+            let faces = counter_clockwise(&found.mesh, first.around.0, first.time)?;
             let points = found.world(archive, 0)?;
             described.points = points.len();
-            described.split_normals = found.split_normals(first.around.0, points.len())?;
+            described.split_normals = found.split_normals(first, points.len())?;
             described.triangles = triangles_of(&found.mesh, &points).unwrap_or_default();
             described.faces = faces;
         }
@@ -195,13 +204,14 @@ impl ArchiveMesh {
     }
 
     /// Normals of this program that hard edges split, corners as the rest of the program has them.
-    fn split_normals(&self, sample: usize, points: usize) -> Result<Option<SplitNormals>, IoError> {
+    fn split_normals(&self, sample: &Sample, points: usize) -> Result<Option<SplitNormals>, IoError> {
         if !is_ours(&self.mesh) {
             return Ok(None);
         }
-        let faces = self.mesh.faces(sample)?;
-        let mut split = split_normals(&self.mesh, sample, &faces, points)?;
-        split.iter_mut().for_each(|split| reverse(&faces.face_counts, &mut split.indices));
+        let (number, winding) = (sample.around.0, Winding::of(&self.mesh, sample.time)?);
+        let faces = self.mesh.faces(number)?;
+        let mut split = split_normals(&self.mesh, number, &faces, points)?;
+        split.iter_mut().for_each(|split| winding.turn(&faces.face_counts, &mut split.indices));
         Ok(split)
     }
 
@@ -244,7 +254,7 @@ impl ArchiveMesh {
 }
 
 /// Times at which a mesh is stored, or a transform above it that moves, ascending.
-fn times_of(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
+pub(super) fn times_of(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
     let mut times = transform_times(mesh)?;
     if times.is_empty() {
         return Ok(mesh.times());
@@ -269,16 +279,20 @@ pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     let stored =
         mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
     let stored = stored.and_then(|stored| listed_triangles(&stored, points.len()));
-    if stored.is_some() {
-        return stored;
+    let Some(mut triangles) = stored else {
+        let faces = faces_of(mesh)?;
+        return Some(cut(&faces.face_counts, &faces.face_indices, points));
+    };
+    // They are counter-clockwise in the space of the mesh.
+    if Winding::of(mesh, mesh.time(0)).ok()?.is_mirrored() {
+        triangles.iter_mut().for_each(|triangle| triangle.reverse());
     }
-    let faces = faces_of(mesh)?;
-    Some(cut(&faces.face_counts, &faces.face_indices, points))
+    Some(triangles)
 }
 
 /// The faces of the first sample, counter-clockwise, if they can be read.
 pub fn faces_of(mesh: &PolyMesh) -> Option<Connectivity> {
-    counter_clockwise(mesh, 0).ok()
+    counter_clockwise(mesh, 0, mesh.time(0)).ok()
 }
 
 /// Attributes at the points of a mesh that this program wrote, beside normals.
@@ -370,31 +384,28 @@ struct Sorted {
     between: Vec<Between>,
     /// The numbers of the samples in the file: of the frames, then of those between.
     samples: Vec<usize>,
-    /// Whether the frames are just these numbers.
-    counted: bool,
 }
 
-/// Whole frames and the samples between them; all samples by their numbers where none is a whole frame or nobody says the frame
-/// rate. What stands still is in the frame that is nearest.
+/// Whole frames and the samples between them; all samples by their numbers where nobody says the frame rate. What stands still is in
+/// the frame that is nearest.
 fn sorted(times: &[f64], fps: Option<f64>) -> Sorted {
     let fps = fps.map(film_rate);
     if let (&[time], Some(fps)) = (times, fps) {
         let frames = vec![(time * fps).round() as i64];
-        return Sorted { frames, between: Vec::new(), samples: vec![0], counted: false };
+        return Sorted { frames, between: Vec::new(), samples: vec![0] };
     }
-    let is_whole = |sample: &usize| fps.is_some_and(|fps| whole_frame(times[*sample], fps).is_some());
-    let (whole, others): (Vec<usize>, Vec<usize>) = (0..times.len()).partition(is_whole);
-    let Some(fps) = fps.filter(|_| !whole.is_empty()) else {
+    let Some(fps) = fps else {
         let frames = (0..times.len() as i64).collect();
-        return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect(), counted: true };
+        return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect() };
     };
+    let is_whole = |sample: &usize| whole_frame(times[*sample], fps).is_some();
+    let (whole, others): (Vec<usize>, Vec<usize>) = (0..times.len()).partition(is_whole);
     let between =
         others.iter().map(|sample| Between::at((times[*sample] * fps * PARTS_OF_FRAME).round() / PARTS_OF_FRAME));
     Sorted {
         frames: whole.iter().filter_map(|sample| whole_frame(times[*sample], fps)).collect(),
         between: between.collect(),
         samples: whole.iter().chain(&others).copied().collect(),
-        counted: false,
     }
 }
 
@@ -409,17 +420,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_whole_numbers_or_else_samples_are_counted() {
+    fn frames_are_whole_numbers_and_samples_are_counted_where_nobody_says_the_rate() {
         let numbers = |times: &[f64], fps| sorted(times, fps).frames;
         let times = [1001.0 / 24.0, 1002.0 / 24.0];
         assert_eq!(numbers(&times, Some(24.0)), [1001, 1002]);
-        assert_eq!((numbers(&times, None), sorted(&times, None).counted), (vec![0, 1], true));
+        assert_eq!(numbers(&times, None), [0, 1]);
         let shutter = [1010.0, 1010.25, 1010.75, 1011.0, 1011.25].map(|frame: f64| frame / 24.0);
         let between = [(1010, 0.25), (1010, 0.75), (1011, 0.25)].map(|(frame, behind)| Between { frame, behind });
-        let expected =
-            Sorted { frames: vec![1010, 1011], between: between.into(), samples: vec![0, 3, 1, 2, 4], counted: false };
+        let expected = Sorted { frames: vec![1010, 1011], between: between.into(), samples: vec![0, 3, 1, 2, 4] };
         assert_eq!(sorted(&shutter, Some(24.0)), expected);
-        let none = Sorted { frames: vec![0, 1], between: Vec::new(), samples: vec![0, 1], counted: true };
+        let none = Sorted { frames: Vec::new(), between: between[..2].into(), samples: vec![0, 1] };
         assert_eq!(sorted(&shutter[1..3], Some(24.0)), none);
         // What stands still is in the nearest frame, and a rate in few digits is the one that is meant.
         assert_eq!(numbers(&[1.0 / 24.0], Some(25.0)), [1]);

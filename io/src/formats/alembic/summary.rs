@@ -6,7 +6,8 @@ use drapery_alembic::{Archive, PolyMesh, Schema, TopologyVariance};
 use drapery_core::Vec3;
 
 use super::channel;
-use super::read::split_normals;
+use super::read::{INVISIBLE, split_normals};
+use super::read_back::times_of;
 use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, Normals, bounds, face_kinds};
 
@@ -35,11 +36,16 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
 }
 
 fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
-    let count = mesh.sample_count();
+    let (count, times) = (mesh.sample_count(), times_of(mesh)?);
+    let path = mesh.object().path();
     let mut summary = MeshSummary {
-        path: mesh.object().path().to_owned(),
-        samples: count,
+        path: match mesh.object().is_hidden()? {
+            true => format!("{path} (not read: {INVISIBLE})"),
+            false => path.to_owned(),
+        },
+        samples: times.len(),
         topology: match mesh.topology_variance() {
+            TopologyVariance::Constant if times.len() > 1 => "constant, moved by its parents",
             TopologyVariance::Constant => "constant",
             TopologyVariance::Homogeneous => "constant faces, moving points",
             TopologyVariance::Heterogeneous => "changing",
@@ -58,7 +64,7 @@ fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
         summary.faces = face_kinds(&faces.face_counts);
         summary.normals =
             Normals::of(mesh.normals().is_some(), split_normals(mesh, 0, &faces, points.len())?.is_some());
-        summary.times = Some([mesh.time(0), mesh.time(count - 1)]);
+        summary.times = times.first().zip(times.last()).map(|(first, last)| [*first, *last]);
         summary.bounds = bounds(&points);
         summary.velocities = mesh.velocities(0)?.is_some();
     }

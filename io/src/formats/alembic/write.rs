@@ -214,6 +214,7 @@ impl AlembicWriter {
     /// Everything that does not move; takes note of the hard edges.
     fn still(&mut self) -> Result<Still, IoError> {
         let mut data = self.mesh.read()?;
+        data.convert_params(self.units.into());
         self.attributes.add_to(&mut data, PREF);
         self.split_normals = data.split_normals.take().filter(|_| self.normals);
         if let Some(split) = &mut self.split_normals {

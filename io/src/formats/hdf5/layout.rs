@@ -7,8 +7,8 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
-use super::NORMAL_INDICES;
 use super::datasets::{ORIGIN, dataset, origin, place_of};
+use super::{NORMAL_INDICES, fixed_digest};
 use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::triangles_to_store;
@@ -86,6 +86,7 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
             Values::I64(ref values) => fixed.create(&file, values)?,
         }
     }
+    fixed_digest::write(&file)?;
     let (frames, points) = (plan.frame_count(), plan.mesh.point_count());
     let committed = growing::<u8>(&file, "committed", &[frames])?;
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;

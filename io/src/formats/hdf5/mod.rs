@@ -28,6 +28,7 @@
 //! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
 
 pub(crate) mod datasets;
+mod fixed_digest;
 mod layout;
 mod read_back;
 mod summary;

@@ -7,7 +7,7 @@ use drapery_core::mesh::PolygonMesh;
 use hdf5::types::VarLenUnicode;
 
 use super::datasets::{dataset, origin, values};
-use super::{NORMAL_INDICES, not_a_cache};
+use super::{NORMAL_INDICES, fixed_digest, not_a_cache};
 use crate::attributes::{CONTACT, PointAttributes, REST, STRAIN, StoredValues, THICKNESS};
 use crate::cache_frames::{CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, placed, units};
 use crate::error::IoError;
@@ -151,6 +151,16 @@ impl CacheSamples for Samples {
             positions: self.rows("positions", sample)?,
             has_bounds_of_points: true,
         })
+    }
+
+    fn check_constants(&self) -> Result<(), IoError> {
+        match fixed_digest::is_as_made(&self.file).map_err(|source| not_a_cache(&self.path, &source))? {
+            true => Ok(()),
+            false => {
+                let what = "faces, texture coordinates or attributes that do not move are not what was written";
+                Err(IoError::data(&self.path, "HDF5", what, "copy it again, or run the shot again"))
+            }
+        }
     }
 
     fn attributes(&self, _: usize, about: &CacheMesh) -> Result<MeshData, IoError> {

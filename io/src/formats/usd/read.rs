@@ -321,6 +321,7 @@ pub(super) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
         uvs,
         split_normals,
         params,
+        params_in: None,
         face_sets: subsets
             .into_iter()
             .map(|subset| FaceSet { name: subset.name, faces: subset.faces, material: subset.material.map(bound) })
@@ -422,6 +423,7 @@ fn param(mut primvar: Primvar, face_counts: &[u32]) -> MeshParam {
         }
     }
     let interpretation = match primvar.meaning {
+        Meaning::Colour if primvar.extent == 4 => "rgba",
         Meaning::Colour => "rgb",
         Meaning::Point => "point",
         Meaning::Normal => "normal",

@@ -78,7 +78,8 @@ impl SingleWriter for Writer<'_> {
         let plan = &self.plan.caches[mesh];
         let CachePlan { velocities, normals, crossings, sub_frames, ref attributes, .. } = *plan;
         if mesh == self.begun {
-            let form = Form { origin: plan.file_origin(), velocities, normals, crossings, attributes };
+            let (units, origin) = (plan.units.into(), plan.file_origin());
+            let form = Form { units, origin, velocities, normals, crossings, attributes };
             let data = plan.mesh.read()?;
             self.split_normals = data.split_normals.clone();
             self.layer.add_mesh(still_mesh(data, &self.paths[mesh], form)).map_err(refused)?;

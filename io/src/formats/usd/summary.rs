@@ -61,7 +61,9 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
         None => entry.path.clone(),
     };
     let codes = &chosen.codes;
-    let first = codes.first().copied().unwrap_or(0.0);
+    // What does not move belongs to a frame only in a stage of one frame.
+    let only = stage.about().range.filter(|[first, last]| first == last && first.is_finite());
+    let first = codes.first().copied().or(only.map(|[first, _]| first)).unwrap_or(0.0);
     let sample = match stage.mesh(0, first) {
         Ok(sample) => sample,
         Err(error) => return Ok(unreadable(path, error)),
@@ -81,7 +83,12 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
             (false, true) => "constant",
         },
         samples: codes.len().max(1),
-        times: Some([seconds(first), seconds(codes.last().copied().unwrap_or(0.0))]),
+        times: codes
+            .first()
+            .zip(codes.last())
+            .map(|(first, last)| [*first, *last])
+            .or(only)
+            .map(|all| all.map(seconds)),
         bounds: bounds(&data.mesh.points),
         uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),

@@ -31,7 +31,7 @@ use crate::formats::{Part, ShotFiles, remove_folder};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
 use crate::normals::SplitNormals;
-use crate::units::{Units, UpAxis};
+use crate::units::{InputUnits, Units, UpAxis};
 use crate::written_file;
 
 /// Digits of the digest that a folder of clips is named by.
@@ -209,7 +209,9 @@ impl UsdWriter {
         let data = self.mesh.read()?;
         self.split_normals = data.split_normals.clone().filter(|_| self.normals);
         let Self { origin, velocities, normals, crossings, ref attributes, .. } = *self;
-        let form = Form { origin, velocities, normals, crossings, attributes };
+        let up = if self.units.z_up { UpAxis::Z } else { UpAxis::Y };
+        let units = InputUnits { metres: self.units.metres_per_unit, up };
+        let form = Form { units, origin, velocities, normals, crossings, attributes };
         let still = still_mesh(data, &self.mesh_path, form);
         topology(self.units, still).map_err(|e| self.refused(&e))
     }
@@ -391,6 +393,8 @@ impl CacheWriter for UsdWriter {
 /// Data of a mesh that is written beside the mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Form<'a> {
+    /// Unit and axes of its numbers.
+    pub(super) units: InputUnits,
     /// Position that its points are counted from, if not from the origin of the world.
     pub(super) origin: Option<[f64; 3]>,
     /// Whether frames have velocities.
@@ -405,6 +409,7 @@ pub(super) struct Form<'a> {
 
 /// Everything of a mesh that does not move, as USD writes it.
 pub(super) fn still_mesh<'a>(mut data: MeshData, path: &'a MeshPath, form: Form<'_>) -> StillMesh<'a> {
+    data.convert_params(form.units);
     form.attributes.add_to(&mut data, REST);
     if form.normals {
         // Those of the source are of one pose, and would count more.

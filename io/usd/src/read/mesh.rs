@@ -286,7 +286,8 @@ impl Mesh {
     pub(crate) fn read(&self, reading: &Reading, code: f64) -> Result<MeshSample, UsdError> {
         let (stored, point_count) = self.stored_faces(reading, code)?;
         let turned = self.turned(reading, code, point_count)?;
-        let primvars = primvars::read(reading, &self.prim, code)?;
+        let mut primvars = primvars::read(reading, &self.prim, code)?;
+        primvars.retain(|primvar| primvars::unfitting(primvar, &stored, point_count).is_none());
         let subdivision = reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned());
         let normals = self.split_normals(reading, code, (&subdivision, &primvars))?;
         let primvars = primvars.into_iter();
@@ -306,6 +307,14 @@ impl Mesh {
             },
             render_mesh_of: reading.word(&self.prim, RENDER_MESH_OF)?,
         })
+    }
+
+    /// Primvars that are not read, as they have too few or too many values.
+    pub(crate) fn unfitting_primvars(&self, reading: &Reading, code: f64) -> Result<Vec<String>, UsdError> {
+        let primvars = primvars::read(reading, &self.prim, code)?;
+        // A mesh that contradicts itself says so where it is read.
+        let Ok((faces, points)) = self.stored_faces(reading, code) else { return Ok(Vec::new()) };
+        Ok(primvars.iter().filter_map(|primvar| primvars::unfitting(primvar, &faces, points)).collect())
     }
 
     /// Normals that tell hard edges: of face corners or faces. Those of a subdivision surface have no effect in USD.

@@ -6,7 +6,7 @@ use openusd::usd::{Attribute, Prim};
 use super::error::UsdError;
 use super::reading::Reading;
 use super::values::{integers, length, number, word};
-use super::{Element, Meaning, Primvar};
+use super::{Element, Faces, Meaning, Primvar};
 use crate::Interpolation;
 
 /// Prefix of the primvars that say how a skeleton moves the mesh.
@@ -44,6 +44,18 @@ pub(crate) fn read(reading: &Reading, prim: &Prim, code: f64) -> Result<Vec<Prim
 pub(crate) fn is_primvar(name: &str) -> bool {
     let name = name.trim_start_matches("primvars:");
     !name.starts_with(OF_SKELETONS) && !name.ends_with(":indices")
+}
+
+/// Says how many values a primvar has, and how many it should have, where that differs; faces and points are those of the file.
+pub(crate) fn unfitting(primvar: &Primvar, faces: &Faces, points: usize) -> Option<String> {
+    let (wanted, places) = match primvar.interpolation {
+        Interpolation::Constant => return None,
+        Interpolation::Uniform => (faces.counts.len(), "faces"),
+        Interpolation::Vertex | Interpolation::Varying => (points, "points"),
+        Interpolation::FaceVarying => (faces.indices.len(), "face corners"),
+    };
+    let held = primvar.indices.as_ref().map_or_else(|| primvar.pieces().len(), Vec::len);
+    (held != wanted).then(|| format!("primvars:{} ({held} values for {wanted} {places})", primvar.name))
 }
 
 impl Primvar {

@@ -146,11 +146,13 @@ impl Session {
         let mut meshes = Vec::new();
         for entry in entries {
             let mesh = Mesh::open(&self.reading, entry, &mut chosen.notes)?;
-            chosen.left_out_of_each.push(left_out::of(&self.reading, mesh.prim())?);
             chosen.moving_primvars_of_each.push(left_out::moving_primvars(&self.reading, mesh.prim())?);
             let mut codes = mesh.times(&self.reading)?;
             codes.sort_by(f64::total_cmp);
             codes.dedup();
+            let mut left_out = left_out::of(&self.reading, mesh.prim())?;
+            left_out.extend(mesh.unfitting_primvars(&self.reading, codes.first().copied().unwrap_or(0.0))?);
+            chosen.left_out_of_each.push(left_out);
             chosen.codes.extend(&codes);
             chosen.codes_of_each.push(codes);
             meshes.push(mesh);

@@ -56,9 +56,11 @@ class CacheMesh:
         return self._name
 
     @property
-    def frames(self) -> list[int]:
-        """Numbers of the frames that are complete, ascending; of samples where nobody says the frame rate of the file."""
-        return self._native.frames(self._number)
+    def frames(self) -> list[int] | list[float]:
+        """Numbers of the frames that are complete, ascending; of samples where nobody says the frame rate of the file. Whole frames,
+        or where no sample is at one, what there is: 1001.5 is half a frame behind 1001."""
+        frames, are_whole = self._native.frames(self._number)
+        return [int(frame) for frame in frames] if are_whole else frames
 
     @property
     def point_count(self) -> int:
@@ -81,16 +83,16 @@ class CacheMesh:
         found = self._native.uvs(self._number)
         return None if found is None else Uvs(found)
 
-    def positions(self, frame: int) -> Vectors:
-        """Positions at a frame in the world: (points, 3) [m], Y up whatever the file's unit and axis are. They were stored in
-        single precision. Raises UsageError if there is no such frame, InputError if it is damaged."""
+    def positions(self, frame: float) -> Vectors:
+        """Positions at a frame in the world, or at a sample between frames: (points, 3) [m], Y up whatever the file's unit and axis
+        are. They were stored in single precision. Raises UsageError if there is no such frame, InputError if it is damaged."""
         return self._native.positions(self._number, frame)
 
-    def velocities(self, frame: int) -> Vectors | None:
+    def velocities(self, frame: float) -> Vectors | None:
         """Velocities at a frame: (points, 3) [m/s]; None where the cache stores none. Raises what ``positions`` raises."""
         return self._native.velocities(self._number, frame)
 
-    def attributes(self, frame: int) -> dict[str, npt.NDArray[np.float64]]:
+    def attributes(self, frame: float) -> dict[str, npt.NDArray[np.float64]]:
         """Attributes for shading and checks at a frame, by their words in ``[output] attributes``; those that the cache holds.
 
         ``normals`` are of length one, one for each point (points, 3), or for each face corner (corners, 3) in the order of ``faces``
@@ -99,7 +101,7 @@ class CacheMesh:
         """
         return self._native.attributes(self._number, frame)
 
-    def __getitem__(self, frame: int) -> Vectors:
+    def __getitem__(self, frame: float) -> Vectors:
         """Positions at the frame of this number, as ``positions``."""
         return self.positions(frame)
 
@@ -111,12 +113,12 @@ class CacheMesh:
         """Whether the frame of this number is there."""
         return frame in self.frames
 
-    def __iter__(self) -> Iterator[tuple[int, Vectors]]:
+    def __iter__(self) -> Iterator[tuple[float, Vectors]]:
         """All frames, one after the other: number and positions."""
         for frame in self.frames:
             yield frame, self.positions(frame)
 
-    def read(self, frames: Sequence[int] | None = None) -> npt.NDArray[np.float64]:
+    def read(self, frames: Sequence[float] | None = None) -> npt.NDArray[np.float64]:
         """Positions of these frames, of all when left out: (frames, points, 3) [m], all in memory."""
         chosen = self.frames if frames is None else list(frames)
         found = np.empty((len(chosen), self.point_count, 3))
@@ -133,7 +135,7 @@ class CacheMesh:
         return f"<drapery.CacheMesh '{self.name}': {self.point_count} points, {_range(self.frames)}>"
 
 
-def _range(frames: list[int]) -> str:
+def _range(frames: Sequence[float]) -> str:
     if not frames:
         return "no frames yet"
     return f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
