@@ -1,4 +1,4 @@
-//! The way in which each cache of a run goes on from a checkpoint: anew, behind its mark, or in another form.
+//! Continuation of each cache of a run from a checkpoint: anew, behind its mark, or in another form.
 
 use std::path::{Path, PathBuf};
 
@@ -35,8 +35,8 @@ pub(super) struct Continued<'a> {
     other_form: bool,
 }
 
-/// The way of one cache.
-enum Way<'a> {
+/// Continuation of one cache.
+enum Continuation<'a> {
     New,
     Behind(&'a CacheMark),
     /// From a cache that holds its frames, up to a frame and a number of samples behind it.
@@ -50,11 +50,11 @@ impl<'a> Continued<'a> {
         Self { folder, marks, delivered: head.delivered, other_form }
     }
 
-    fn way(&self, cache: &Planned) -> Way<'_> {
+    fn continuation(&self, cache: &Planned) -> Continuation<'_> {
         let own = self.marks.iter().find(|mark| mark.file == file_name(&cache.path));
         match (own, self.delivered) {
-            (_, None) => Way::New,
-            (Some(mark), Some(_)) if !self.other_form => Way::Behind(mark),
+            (_, None) => Continuation::New,
+            (Some(mark), Some(_)) if !self.other_form => Continuation::Behind(mark),
             (own, Some(last)) => {
                 // Its own file first: a cache of another format may have been left out for a while.
                 let stem = cache.path.file_stem();
@@ -64,17 +64,17 @@ impl<'a> Continued<'a> {
                 let other = others().rfind(has_all).or(others().next_back());
                 let source = own.or(other).map(|mark| self.folder.join(&mark.file));
                 let last = (last, others().map(|mark| mark.sub_frame).max().unwrap_or(0));
-                Way::NewForm(source.unwrap_or_else(|| cache.path.clone()), last)
+                Continuation::NewForm(source.unwrap_or_else(|| cache.path.clone()), last)
             }
         }
     }
 
     /// Finds out whether a cache can go on; changes nothing.
     pub(super) fn check(&self, cache: &Planned, plan: CachePlan<'_>) -> Result<(), IoError> {
-        match self.way(cache) {
-            Way::New => Ok(()),
-            Way::Behind(mark) => (cache.check)(&cache.path, &plan, mark),
-            Way::NewForm(source, last) => new_form(cache, plan).check(&source, last),
+        match self.continuation(cache) {
+            Continuation::New => Ok(()),
+            Continuation::Behind(mark) => (cache.check)(&cache.path, &plan, mark),
+            Continuation::NewForm(source, last) => new_form(cache, plan).check(&source, last),
         }
     }
 
@@ -85,10 +85,10 @@ impl<'a> Continued<'a> {
         plan: CachePlan<'_>,
         take: &mut dyn FnMut(i64, GarmentDigests),
     ) -> Result<Box<dyn CacheWriter>, IoError> {
-        match self.way(cache) {
-            Way::New => (cache.create)(&cache.path, &plan),
-            Way::Behind(mark) => (cache.resume)(&cache.path, &plan, mark),
-            Way::NewForm(source, last) => new_form(cache, plan).write(&source, last, take),
+        match self.continuation(cache) {
+            Continuation::New => (cache.create)(&cache.path, &plan),
+            Continuation::Behind(mark) => (cache.resume)(&cache.path, &plan, mark),
+            Continuation::NewForm(source, last) => new_form(cache, plan).write(&source, last, take),
         }
     }
 }
