@@ -188,6 +188,17 @@ impl PairSearch {
         keep: impl Fn(Pair, &mut Vec<T>) + Sync,
         found: &mut Vec<T>,
     ) {
+        let pieces = self.pieces_of_pairs(surface, keep);
+        found.clear();
+        found.extend(pieces.into_iter().flatten());
+    }
+
+    /// The same in pieces, for lists that are too long to be in memory twice.
+    pub(super) fn pieces_of_pairs<T: Send>(
+        &self,
+        surface: &ContactSurface,
+        keep: impl Fn(Pair, &mut Vec<T>) + Sync,
+    ) -> Vec<Vec<T>> {
         let [cloth, bodies, ghosts] = self.sides(surface);
         let tree = &self.cloth.tree;
         let groups = surface.groups().map(|groups| groups.groups());
@@ -202,15 +213,14 @@ impl PairSearch {
             };
             let filter = self.cloth.filter(other.fitted, may_meet);
             tree.pairs_of(task, &other.fitted.tree, filter.as_ref(), &mut meet);
+            out.shrink_to_fit();
             out
         };
         let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
         for other in [bodies, ghosts].into_iter().filter(|other| !other.fitted.tree.is_empty()) {
             tasks.extend(tree.tasks_with(&other.fitted.tree, TASKS).into_iter().map(|task| (other, task)));
         }
-        let pieces: Vec<Vec<T>> = tasks.par_iter().map(|(other, task)| work(*other, task)).collect();
-        found.clear();
-        found.extend(pieces.into_iter().flatten());
+        tasks.par_iter().map(|(other, task)| work(*other, task)).collect()
     }
 
     /// Cloth, bodies and ghosts.

@@ -190,23 +190,22 @@ impl ProximityList {
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
         search.refit_ghosts(surface, |i| around(surface, x, predicted.as_deref(), i));
-        let mut found: Vec<CandidatePair> = Vec::new();
         let measure = measures(surface, is_predicted);
         let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
         let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(criterion.candidate(pair));
-        search.pairs(surface, keep, &mut found);
-        let [all_found] = surface.ranks().sum_of([found.len() as u64]);
+        let mut pieces = search.pieces_of_pairs(surface, keep);
+        let [all_found] = surface.ranks().sum_of([pieces.iter().map(Vec::len).sum::<usize>() as u64]);
         self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
-        if let Some(renumber) = replicate_pairs(surface, &mut found) {
+        if let Some(renumber) = replicate_pairs(surface, &mut pieces) {
             fetch(&renumber, surface, &mut [x]);
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
         for (list, kind) in self.lists.iter_mut().zip(KINDS) {
             list.clear();
-            list.reserve_exact(found.iter().filter(|n| n.pair.kind == kind).count());
+            list.reserve_exact(pieces.iter().flatten().filter(|n| n.pair.kind == kind).count());
         }
-        found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
+        pieces.into_iter().flatten().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         self.edge_length = measures(surface, is_predicted);
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);
@@ -432,13 +431,14 @@ impl Criterion<'_> {
 }
 
 /// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
-fn replicate_pairs(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>) -> Option<IndexMap> {
+fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<Vec<CandidatePair>>) -> Option<IndexMap> {
     if surface.ranks().is_alone() {
         return None;
     }
     let nodes = surface.nodes();
+    let mut pairs: Vec<CandidatePair> = std::mem::take(pieces).into_iter().flatten().collect();
     pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
-    candidate_pair::replicate_pairs(nodes, pairs);
+    candidate_pair::replicate_pairs(nodes, &mut pairs);
     let is_ghost = |number: &u32| *number < nodes.global_cloth_count() && !nodes.owns(*number);
     let mut ghosts: Vec<u32> = pairs.iter().flat_map(|n| n.pair.nodes).filter(is_ghost).collect();
     ghosts.sort_unstable();
@@ -446,6 +446,7 @@ fn replicate_pairs(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>)
     let renumber = surface.set_ghosts(ghosts);
     let local = |number: u32| surface.nodes().local(number).expect("the nodes of held pairs are own or ghosts");
     pairs.iter_mut().for_each(|n| n.pair.nodes = n.pair.nodes.map(local));
+    pieces.push(pairs);
     renumber
 }
 
