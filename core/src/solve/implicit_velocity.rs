@@ -43,7 +43,7 @@ impl EffectiveMasses {
         }
     }
 
-    /// Those of the own vertices among the local ones [kg]; `None` where there is no drag.
+    /// Masses of the local vertices, set for the own ones [kg]; `None` where there is no drag.
     pub fn get(&self) -> Option<&[f64]> {
         (!self.0.is_empty()).then_some(&self.0)
     }
@@ -60,7 +60,7 @@ pub struct VelocityProblem<'a> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// Those of the solve where a force has a drag: [`EffectiveMasses`].
+    /// Masses of the solve where a force has a drag: [`EffectiveMasses`].
     pub effective_masses: Option<&'a [f64]>,
     /// Inputs of the forces in addition to the positions.
     pub context: ForceContext<'a>,
