@@ -44,6 +44,7 @@ impl Gas {
     }
 
     /// Inside less outside at this volume [Pa].
+    #[cfg(feature = "effects")]
     pub(crate) fn pressure(&self, volume: f64) -> f64 {
         (self.ambient + self.overpressure) / self.share(volume) - self.ambient
     }
@@ -56,6 +57,7 @@ impl Gas {
     }
 
     /// Work of the ambient air less the work of the gas since it was at rest [J].
+    #[cfg(feature = "effects")]
     pub(crate) fn energy(&self, volume: f64) -> f64 {
         let share = self.share(volume);
         let work = self.ambient * (share - 1.0) - (self.ambient + self.overpressure) * share.ln();
