@@ -281,9 +281,11 @@ def test_rules_of_contact_do_what_the_page_says(tmp_path, report_figure):
         ends[name] = [run.positions(garment)[-1] for garment in ("coat", "lining", "scarf")]
         inside = outer_of_ball(ends[name], 0.15)
         assert inside > 0, f"{name}: a vertex is {-1e3 * inside:.2f} mm inside the ball"
-    # It goes through the coat where it ignores it, and is stopped where it does not.
+    # It goes through the coat where it ignores it, and nowhere where it does not: vertices of one number show the first, slid cloth too,
+    # and the exact check the second.
     above = {name: (lining[:, 1] > coat[:, 1]).mean() for name, (coat, lining, _) in ends.items()}
-    assert above["without"] < 0.02 and above["with"] > 0.1
+    assert above["with"] > 0.1 and above["with"] > 5 * above["without"]
+    said("verify", *(tmp_path / "without" / f"{garment}.abc" for garment in ("coat", "lining", "scarf")))
     caches = [tmp_path / "with" / f"{garment}.abc" for garment in ("coat", "lining", "scarf")]
     verified = said("verify", *caches)
     report_figure(f"vertices of the lining above the coat's: {above['without']:.2f} without rules, {above['with']:.2f} with them")
