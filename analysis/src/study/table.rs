@@ -226,7 +226,7 @@ fn first_line(text: &str) -> &str {
 /// Advice where the front alone leads to no recommendation.
 const BUDGET: &str = "set --budget, for example --budget 10s/frame";
 
-/// Returns the recommended setting, and the time of the whole shot with it; why there is none, else.
+/// Returns the recommended setting with the time of the whole shot, or the reason for having none.
 pub fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
     let within =
         budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} per frame", text::seconds(b)));

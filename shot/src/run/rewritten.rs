@@ -58,7 +58,7 @@ impl NewForm<'_> {
     /// Finds out whether the cache `source` has the frames up to `last` with all that is asked for; changes nothing.
     ///
     /// # Errors
-    /// As [`NewForm::write`], but for the disk; every sample is looked for, and the content of the first.
+    /// The errors of [`NewForm::write`], without those of writing. All samples have to be there. Only the first is read.
     pub(super) fn check(&self, source: &Path, last: (i64, usize)) -> Result<(), IoError> {
         let frames = CacheFrames::open(source)?;
         let samples = self.samples_until(last).map(|at| self.sample(&frames, at));

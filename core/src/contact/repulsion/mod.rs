@@ -132,7 +132,7 @@ pub(crate) struct Repulsions {
 }
 
 impl Repulsions {
-    /// Repulsions without pairs yet, which act there in a step.
+    /// Repulsions without pairs yet; `place` is the part of a step in which they act.
     pub(crate) fn new(laws: Laws, place: RepulsionPlace) -> Self {
         let (kinds, velocities, loads) = (Default::default(), AtomicVectors::new(0), AtomicVectors::new(0));
         let (nodes, seen, halo_per_colour) = Default::default();

@@ -61,7 +61,7 @@ impl ArchiveWriter {
     /// Finds out whether the archive can go on after the commit `mark`; changes nothing.
     ///
     /// # Errors
-    /// As [`ArchiveWriter::resume`], but for those of the copy.
+    /// The errors of [`ArchiveWriter::resume`], without those of writing the copy.
     pub fn check_resume<T>(
         path: impl AsRef<Path>,
         options: &ArchiveOptions,

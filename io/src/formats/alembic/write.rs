@@ -182,7 +182,7 @@ impl AlembicWriter {
     /// Finds out whether [`AlembicWriter::resume`] would go on; changes nothing.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`AlembicWriter::resume`], without those of writing.
     pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
         let mut writer = Self::create(path, plan)?;
         let Some((at, still, kept)) = writer.found_sound(plan, mark)? else { return Ok(()) };

@@ -77,7 +77,7 @@ impl Hdf5Writer {
     /// Finds out whether [`Hdf5Writer::resume`] would go on; changes nothing.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Hdf5Writer::resume`], without those of writing.
     pub fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
         match marked_frames(path, plan, mark)? {
             0 => Ok(()),

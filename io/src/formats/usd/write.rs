@@ -144,7 +144,7 @@ impl UsdWriter {
     /// Finds out whether [`UsdWriter::resume`] would go on; changes nothing.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`UsdWriter::resume`], without those of writing.
     pub(super) fn check_resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<(), IoError> {
         Self::create(path, plan).found_sound(plan, mark).map(|_| ())
     }
