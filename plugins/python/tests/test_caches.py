@@ -22,7 +22,7 @@ FACES = [[0, 1, 2, 3], [3, 2, 4]]
 UVS = (np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0.5, 0.5]]), np.array([0, 1, 2, 3, 3, 2, 4]))
 
 
-def moved(frame: int) -> npt.NDArray[np.float64]:
+def moved(frame: float) -> npt.NDArray[np.float64]:
     """The points at a frame [m]; exact in single precision, also in centimetres."""
     return POINTS + [0, 0.25 * (frame - 10), 0]
 
@@ -42,7 +42,7 @@ def test_what_a_run_writes_is_what_a_simulation_has(tmp_path: Path, extension: s
     with pytest.raises(drapery.UsageError, match="no mesh has this name"):
         cache["skirt"]
     for frame, positions in mesh:
-        simulation.advance_to(frame)
+        simulation.advance_to(int(frame))
         velocities = mesh.velocities(frame)
         assert velocities is not None and not positions.flags.writeable
         # Caches are in single precision.
