@@ -72,7 +72,7 @@ pub static RULES: [Rule; 28] = [
     },
     Rule {
         name: "thin_body",
-        finds: "a mesh body whose `thickness` is too small for coarse faces, so that it shows through the cloth",
+        finds: "a mesh body, a sphere or a capsule whose `thickness` is too small for coarse faces, so that it shows through the cloth",
         exactly: "Contact keeps the vertices of cloth out of a body. The thickness that the faces of cloth and body \
                   need, over 95 % of the body's area in its first frame, follows from the sizes of the faces and from \
                   the angles between the body's faces ([the scene file](scene.md)). Nine tenths of it are enough. \

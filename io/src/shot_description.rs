@@ -75,11 +75,11 @@ pub struct ShotDescription {
     pub warnings: Vec<String>,
     /// Further data that the rules of a scene look at.
     pub check: CheckDescription,
-    /// For each body what its faces and those of the cloth ask for; `None` for bodies that are no meshes. Shorter lists mean none.
+    /// For each body what its faces and those of the cloth ask for; `None` for shapes that are not round. Shorter lists mean none.
     pub body_thickness: Vec<Option<BodyThickness>>,
 }
 
-/// The thickness of a body that is a mesh.
+/// The thickness of a body that is a mesh or a round shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyThickness {
     /// Thickness that keeps the coarse faces of the body and of the cloth from showing through each other [m]

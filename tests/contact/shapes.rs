@@ -5,6 +5,7 @@ use drapery_core::geometry::shapes::Shape;
 use drapery_core::metrics::Metrics;
 use drapery_core::scene::{BodyDescription, BodyShape, GarmentDescription, Integrator, RigidMotion, SceneDescription};
 use drapery_core::simulation::{FrameSummary, Simulation};
+use drapery_io::scene_file;
 use drapery_tests::*;
 use nalgebra::UnitQuaternion;
 
@@ -77,6 +78,55 @@ fn no_box_or_cylinder_shows_through_the_faces_of_coarse_cloth() {
             let lowest = x.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
             assert!(lowest < 0.1, "{shape:?}: it hangs over the edges, down to {lowest} m");
             assert_eq!((all.counted("crossings"), all.counted("pairs_pinched")), (0, 0), "{shape:?}, {integrator:?}");
+        }
+    }
+}
+
+/// Thickness that a scene file with the coarse sheet gives a shape by itself [m].
+fn chosen_thickness(shape: &str) -> f64 {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("coarse.toml");
+    let text = format!(
+        r#"
+drapery = 1
+[shot]
+frames = "0-1"
+[[body]]
+name = "shape"
+shape = {{ {shape} }}
+[[garment]]
+name = "sheet"
+panel = {{ resolution = {CELLS}, side = {}, aspect = 1.0, center = [0, 1, 0] }}
+material = "cotton_shirt"
+"#,
+        CELLS as f64 * DX
+    );
+    std::fs::write(&path, text).expect("a scene");
+    let shot = scene_file::load(&path, &[]).and_then(|scene| scene.resolve().map_err(|mut errors| errors.remove(0)));
+    shot.unwrap_or_else(|error| panic!("{error}")).scene.bodies[0].thickness
+}
+
+#[test]
+fn no_ball_or_capsule_shows_through_the_faces_of_coarse_cloth() {
+    let shapes = [
+        (Shape::Sphere { radius: 0.2 }, "sphere = { radius = 0.2 }"),
+        (Shape::Capsule { radius: 0.2, half_length: 0.1 }, "capsule = { radius = 0.2, half_length = 0.1 }"),
+    ];
+    for (shape, written) in shapes {
+        for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+            let rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.5, 0.0, 0.3));
+            let motion = RigidMotion { rotation, angular_velocity: Vec3::y() * 1.5, ..RigidMotion::at(Vec3::zeros()) };
+            let mut description = coarse(integrator);
+            add_body(&mut description, BodyShape::Rigid(shape), motion.clone(), 0.3);
+            description.bodies[0].thickness = chosen_thickness(written);
+            let mut simulation = start(description);
+            for frame in 1..=16 {
+                run(&mut simulation, 1);
+                let distance = closest(&simulation, &shape, &motion);
+                assert!(distance > 0.0, "{shape:?}, {integrator:?}, frame {frame}: {} mm", 1e3 * distance);
+            }
+            let lowest = positions(&simulation).iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+            assert!(lowest < 0.1, "{shape:?}: it hangs down, to {lowest} m");
         }
     }
 }

@@ -167,7 +167,7 @@ fn with(mut object: Value, rest: Value) -> Value {
     object
 }
 
-/// The thickness of bodies that are meshes, and what their faces and those of the garments need.
+/// The thickness of curved bodies, and what their faces and those of the garments need.
 fn bodies_json(shot: &Shot) -> Value {
     let bodies = shot.simulation().scene().description().bodies.iter().zip(shot.body_thickness());
     let of = |(body, found): (&BodyDescription, &Option<BodyThickness>)| {

@@ -15,6 +15,7 @@
 //! ask for no more than that: they do not lie on the body any more. Edges sharper than 60° are edges of boxes and hems and not counted.
 
 use crate::Vec3;
+use crate::geometry::shapes::Shape;
 use crate::mesh::PolygonMesh;
 
 /// Share of an area that a percentile covers.
@@ -67,6 +68,16 @@ impl Ridges {
             _ => None,
         });
         Self(pairs.filter_map(Ridge::between).collect())
+    }
+
+    /// Returns the ridge that stands for a round shape, whose faces are infinitely fine; `None` for shapes with flat sides or edges.
+    pub fn of_shape(shape: &Shape) -> Option<Self> {
+        match *shape {
+            Shape::Sphere { radius } | Shape::Capsule { radius, .. } => {
+                Some(Self(vec![Ridge { angle: 0.0, curvature: 1.0 / radius, diameter: 0.0, area: 1.0 }]))
+            }
+            Shape::HalfSpace | Shape::Cylinder { .. } | Shape::Box { .. } => None,
+        }
     }
 
     /// The distance \[m\] that cloth needs whose faces fit into circles of this diameter \[m\], over [`COVERED`] of the body; 0 for
@@ -216,6 +227,21 @@ mod tests {
         let found = ridges.needed(cloth);
         assert!(exact < found && found <= 2.0 * exact, "{found} for {exact}");
         assert_eq!(Ridges::of(&cylinder(0.15, 4, 4, 0.06)).needed(cloth), 0.0);
+    }
+
+    #[test]
+    fn a_ball_asks_for_the_sagitta_of_the_cloth_up_to_a_tenth_of_its_radius_and_a_box_for_nothing() {
+        for shape in [Shape::Sphere { radius: 0.2 }, Shape::Capsule { radius: 0.2, half_length: 1.0 }] {
+            let ridges = Ridges::of_shape(&shape).expect("it is round");
+            for cloth in [0.01_f64, 0.05, 0.15] {
+                // Corners at r + t on the circle around a face leave its middle at the surface.
+                let exact = (0.2_f64.powi(2) + (0.5 * cloth).powi(2)).sqrt() - 0.2;
+                let found = ridges.needed(cloth);
+                assert!(exact <= found && found < 1.04 * exact, "{cloth}: {found} for {exact}");
+            }
+            assert_eq!(ridges.needed(0.5), 0.1 * 0.2);
+        }
+        assert_eq!(Ridges::of_shape(&Shape::Box { half_extents: [0.1; 3] }), None);
     }
 
     #[test]

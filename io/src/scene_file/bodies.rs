@@ -36,13 +36,14 @@ impl Resolver<'_> {
     /// Resolves one body. Problems are recorded; the body then stays in its place with what could be read.
     pub(super) fn body(&mut self, body: &Body, path: &Path) {
         let still = || RigidMotion::at(Vec3::zeros());
-        let mut ridges = None;
+        let shape = self.shape(path);
+        let mut ridges = shape.as_ref().and_then(Ridges::of_shape);
         let of_mesh = match (&body.file, &body.belt) {
             (Some(file), None) => Some(self.file_body(body, file, path)),
             (None, Some(belt)) => Some(self.belt_body(body, belt, path)),
             _ => None,
         };
-        let (shape, motion, input, faces_inwards) = match (of_mesh, self.shape(path)) {
+        let (shape, motion, input, faces_inwards) = match (of_mesh, shape) {
             (Some(of_mesh), None) => match of_mesh {
                 Some((shape, input, faces_inwards, of_mesh)) => {
                     ridges = Some(of_mesh);

@@ -1,4 +1,4 @@
-//! The thickness of bodies that are meshes, where a scene does not say it.
+//! The thickness of curved bodies, where a scene does not say it.
 
 use drapery_core::geometry::coarseness::{FaceSizes, Ridges};
 use drapery_core::mesh::MeshStream;
@@ -17,7 +17,7 @@ const STEPS: f64 = 1e5;
 const KEY: &str = "thickness";
 
 /// Finds the thickness that the faces of each body and of the garments ask for; takes it where the scene says no
-/// thickness, and the fabrics are no thicker. `ridges` holds the ridges of the bodies that are meshes. Garments are
+/// thickness, and the fabrics are no thicker. `ridges` holds the ridges of meshes and of round shapes. Garments are
 /// read once more, one after the other, where there is such a body.
 pub(super) fn of_bodies(
     root: &Node,

@@ -127,9 +127,10 @@ fn of_pair(
         (false, Some(_)) => ", which the scene sets",
         (false, None) => "",
     };
-    let coarse = match solid {
-        Solid::Mesh { .. } => ", which the rule `thin_body` tells: finer faces need less",
-        Solid::Shape { .. } => ": finer faces need less",
+    let coarse = if found.is_some() {
+        ", which the rule `thin_body` tells: finer faces need less"
+    } else {
+        ": finer faces need less"
     };
     let [close_enough, thickness_mm] = [closest, thickness].map(|length| length * 1e3);
     Some(Finding {
