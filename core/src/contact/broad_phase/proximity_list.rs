@@ -201,9 +201,11 @@ impl ProximityList {
             fetch(&renumber, surface, &mut [x]);
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
-        for (list, kind) in self.lists.iter_mut().zip(KINDS) {
+        let first = pieces.iter().flatten().filter(|n| n.pair.kind == KINDS[0]).count();
+        let rest = pieces.iter().map(Vec::len).sum::<usize>() - first;
+        for (list, count) in self.lists.iter_mut().zip([first, rest]) {
             list.clear();
-            list.reserve_exact(pieces.iter().flatten().filter(|n| n.pair.kind == kind).count());
+            list.reserve_exact(count);
         }
         pieces.into_iter().flatten().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         self.edge_length = measures(surface, is_predicted);
