@@ -75,11 +75,7 @@ pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<Cache
     if stored.is_empty() {
         return Err(IoError::data(path, "objects", "it contains no mesh", "give a cache of a garment"));
     }
-    let hidden = take_hidden(&mut stored)?;
-    if let (Some(hidden), true) = (hidden.first(), stored.is_empty()) {
-        let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
-        return Err(IoError::data(path, "objects", what, "show it before the export"));
-    }
+    let hidden = take_hidden(path, &mut stored, "show it before the export")?;
     let hidden = hidden.iter().map(|path| format!("{path} is left out: {INVISIBLE}")).collect();
     let fps = rate.or(archive.frames_per_second_hint());
     let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
