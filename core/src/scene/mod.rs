@@ -119,6 +119,11 @@ impl Timeline {
         frame as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
     }
 
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        f64::from(self.fps_numerator) / f64::from(self.fps_denominator)
+    }
+
     /// Length of one frame [s].
     pub fn frame_duration(&self) -> f64 {
         f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
