@@ -171,11 +171,8 @@ impl ProximityList {
         let shift = self.predicted_shift;
         let is_predicted = self.predicted.is_some();
         let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
-            let bounds = ends.map_or_else(
-                || Aabb::of_point(&x[i]),
-                |predicted| Aabb::of_segment(&x[i], &(predicted.ends[i] - shift)),
-            );
-            bounds.enlarged(ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap)
+            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap;
+            Aabb::around_path([&x[i], ends.map_or(&x[i], |predicted| &predicted.ends[i])], &shift, reach)
         };
         let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
             for x in all {
