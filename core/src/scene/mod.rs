@@ -22,6 +22,7 @@ mod solver;
 pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
+pub use contact_matrix::{ContactEntry, ContactMatrix};
 pub use contact_rule::{ContactRule, ContactSide};
 pub use described::Described;
 pub use elastic::ElasticDescription;
