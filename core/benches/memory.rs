@@ -54,7 +54,7 @@ use drapery_core::scene::{
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_core::solve::conjugate_gradient::{ConjugateGradient, Stop, System};
 use drapery_core::solve::force_evaluation::matrix_of;
-use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem};
+use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem, by_part};
 use drapery_core::volumes::Volumes;
 use drapery_core::wind_grid::WindGrid;
 
@@ -257,10 +257,8 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
     let x = rippled(&drapery_core::state::State::at_start(scene).x);
     let (targets, wind) = (PinTargets::default(), WindGrid::default());
     let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
-    let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
-    for (_, effect) in build_all(scene).unwrap_or_else(|problems| panic!("{problems}")) {
-        effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
-    }
+    let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
+    let mut forces = by_part(parts, effects.into_iter().flat_map(|(_, effect)| effect.forces));
     let view = |part: usize| {
         let range = parts.ranges()[part].clone();
         PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, context }

@@ -98,6 +98,11 @@ impl StepLimit {
         if share < 1.0 { share * whole.min(self.frame) } else { whole }
     }
 
+    /// Returns the number of steps in a frame if every step is as long as the elastic forces and the scene allow.
+    pub(crate) fn planned_steps(&self, settings: &SolverSettings) -> f64 {
+        (self.frame / self.longest(settings, 1.0)).ceil().max(1.0)
+    }
+
     /// Returns the correction, in a step of `dt` [s], of vertices that are not where they have to be: at the speed at
     /// which an edge of this length [m] changes in the longest stable step by the most that a step may change it (a
     /// part of the speed of sound in the cloth), or at which they are there in a frame, whichever is faster. Neither

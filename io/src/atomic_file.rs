@@ -1,7 +1,7 @@
 //! Small files that are replaced as a whole: a reader sees the old content or the new, never a part.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
@@ -58,6 +58,17 @@ pub fn replace(path: &Path, content: &[u8]) -> Result<(), IoError> {
         return Err(IoError::writing(path, error));
     }
     put(&beside, path)
+}
+
+/// Removes a file, if it is there; returns whether it was.
+///
+/// # Errors
+/// The disk refuses.
+pub fn remove(path: &Path) -> std::io::Result<bool> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+        removed => removed.map(|()| true),
+    }
 }
 
 #[cfg(test)]

@@ -64,11 +64,6 @@ impl CachePlan<'_> {
         (self.origin != Vec3::zeros()).then(in_file)
     }
 
-    /// Frames per second.
-    pub fn fps(&self) -> f64 {
-        f64::from(self.timeline.fps_numerator) / f64::from(self.timeline.fps_denominator)
-    }
-
     /// Number of frames.
     pub fn frame_count(&self) -> usize {
         usize::try_from(self.last_frame - self.first_frame + 1).unwrap_or(0)

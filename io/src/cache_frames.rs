@@ -131,6 +131,8 @@ pub struct CacheFrames {
     pub states_length: bool,
     /// Frames a second, if it tells or they were said.
     pub fps: Option<f64>,
+    /// Frames a second that the file itself tells.
+    pub stated_fps: Option<f64>,
     /// Time codes of a stage that a frame takes; 1 in all caches of this program.
     pub codes_per_frame: f64,
     /// Notes on a stage of another program, a sentence each.
@@ -170,7 +172,7 @@ impl CacheFrames {
     ) -> Self {
         let (states_length, codes_per_frame, samples) = (true, 1.0, Box::new(samples));
         let (path, notes, hidden) = (path.to_owned(), Vec::new(), Vec::new());
-        Self { path, input_units, states_length, fps, codes_per_frame, notes, hidden, meshes, samples }
+        Self { path, input_units, states_length, fps, stated_fps: fps, codes_per_frame, notes, hidden, meshes, samples }
     }
 
     /// Unit and axes of the file; metres where its unit is one that caches of this program do not have.

@@ -245,14 +245,14 @@ fn opened(conversion: &Conversion) -> Result<CacheFrames, IoError> {
 fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
     let Some((numerator, denominator)) = conversion.fps else { return CacheFrames::open(&conversion.from) };
     let said = f64::from(numerator) / f64::from(denominator);
-    let differs = |fps: &f64| (fps - said).abs() > SAME_RATE * said;
-    match CacheFrames::open(&conversion.from)?.fps.filter(differs) {
+    let source = CacheFrames::open_at_rate(&conversion.from, said)?;
+    match source.stated_fps.filter(|fps| (fps - said).abs() > SAME_RATE * said) {
         Some(fps) => {
             let what = format!("the frames of this file are at {fps} fps, but --fps is {numerator}/{denominator}");
             let advice = "leave --fps out: a different rate would change the time of every frame";
             Err(IoError::data(&conversion.from, "frame rate", what, advice))
         }
-        None => CacheFrames::open_at_rate(&conversion.from, said),
+        None => Ok(source),
     }
 }
 

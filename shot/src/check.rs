@@ -234,7 +234,7 @@ fn outside(motion: &InputMotion, span: Span) -> Option<Problem> {
     }
     let (first, last) = (times.first()?, times.last()?);
     let (first, last) = (span.frame_at(*first), span.frame_at(*last));
-    let fps = 1.0 / span.timeline.frame_duration();
+    let fps = span.timeline.fps();
     let own = rates::other_rate(motion, fps);
     let advice = match &own {
         Some((_, line)) => format!("write {line}, or choose frames inside it with shot.frames or --frames"),

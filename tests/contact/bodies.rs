@@ -92,8 +92,8 @@ fn cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_
         let none = !left.is_empty() && left.iter().all(|crossings| *crossings == 0);
         assert!(none, "{integrator:?}: still crossing: {left:?}");
         // Surfaces drag cloth along with their mean velocity, and these are mirror images of each other.
-        let is_dragged = integrator.spec().pinched_in_solves;
-        assert!(!is_dragged || energy < 0.02, "{energy} J while it is pinched");
+        let pinched_in_solves = integrator.spec().pinched_in_solves;
+        assert!(!pinched_in_solves || energy < 0.02, "{energy} J while it is pinched");
     }
 }
 

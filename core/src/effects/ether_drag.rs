@@ -14,8 +14,7 @@
 #![cfg(feature = "effects")]
 
 use crate::Vec3;
-use crate::block_matrix::{PartBlocks, Slot};
-use crate::effects::force::{BlockFactors, Force, Linearised, PartView};
+use crate::effects::force::{Force, PartView};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -85,17 +84,5 @@ impl Force for EtherDrag {
 
     fn vertex_drag(&self) -> &[f64] {
         &self.drag
-    }
-
-    fn linearised(&self) -> Option<&dyn Linearised> {
-        Some(self)
-    }
-}
-
-impl Linearised for EtherDrag {
-    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, _: &[Slot], rows: &mut PartBlocks) {
-        for (vertex, drag) in self.drag.iter().enumerate() {
-            rows.add_scalar(vertex, factors.damping * drag);
-        }
     }
 }

@@ -107,7 +107,8 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Simd4]) {}
 
-    /// Coefficients c of a drag −c v on each vertex of the part alone [kg/s], none negative; empty if the force has no drag.
+    /// Coefficients c of a drag −c v on each vertex of the part alone [kg/s], none negative; empty if the force has no drag. It is implicit
+    /// in every step.
     fn vertex_drag(&self) -> &[f64] {
         &[]
     }

@@ -62,6 +62,12 @@ impl Aabb {
         Aabb::of_point(a).union(&Aabb::of_point(b))
     }
 
+    /// Box around a point that moves straight from `a` to `b`, less the way `shift` \[m\] that it has in common with others, with every
+    /// side moved out by `reach` \[m\].
+    pub(crate) fn around_path([a, b]: [&Vec3; 2], shift: &Vec3, reach: f64) -> Aabb {
+        Aabb::of_segment(a, &(b - shift)).enlarged(reach)
+    }
+
     /// Smallest box that contains both.
     #[inline]
     pub fn union(&self, other: &Aabb) -> Aabb {

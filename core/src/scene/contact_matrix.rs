@@ -15,7 +15,7 @@ const NO_GARMENT: u32 = u32::MAX;
 
 /// Entry of two objects.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct ContactEntry {
+pub struct ContactEntry {
     /// Whether they pass through each other.
     pub is_ignored: bool,
     /// Coulomb friction, where a rule says it.
@@ -26,7 +26,7 @@ pub(crate) struct ContactEntry {
 
 /// The matrix.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct ContactMatrix {
+pub struct ContactMatrix {
     garments: usize,
     objects: usize,
     /// Garment of each object; none of bodies.
@@ -101,7 +101,7 @@ pub(crate) fn objects_of_vertices(scene: &Scene) -> Vec<u32> {
 
 impl ContactMatrix {
     /// The matrix of a scene; `None` if it has no rules.
-    pub(crate) fn of(description: &SceneDescription) -> Option<Self> {
+    pub fn of(description: &SceneDescription) -> Option<Self> {
         let (garments, bodies) = (description.garments.len(), description.bodies.len());
         let parts = (0..garments).flat_map(|garment| vec![garment as u32; description.garments[garment].parts.len()]);
         let bodies = (garments..garments + bodies).map(|_| NO_GARMENT);
@@ -151,6 +151,11 @@ impl ContactMatrix {
         &self.entries[a * self.objects + b]
     }
 
+    /// The entry of two sides; of a garment, with what no rule for its parts speaks of.
+    pub fn of_sides(&self, description: &SceneDescription, [a, b]: [ContactSide; 2]) -> &ContactEntry {
+        self.between(objects(description, a)[0], objects(description, b)[0])
+    }
+
     /// Number of a body among the objects.
     pub(crate) fn object_of_body(&self, body: usize) -> u32 {
         (self.garments + body) as u32
@@ -159,6 +164,24 @@ impl ContactMatrix {
     /// The entry of an object of cloth and a body.
     pub(crate) fn on_body(&self, object: usize, body: usize) -> &ContactEntry {
         self.between(object, self.garments + body)
+    }
+
+    /// Objects of the first of these sides, which are those of a rule, that have the thickness of the rule with the other: no closer rule
+    /// sets another one.
+    pub(crate) fn with_thickness_of(
+        &self,
+        description: &SceneDescription,
+        rule: &ContactRule,
+        [side, other]: [ContactSide; 2],
+    ) -> Vec<usize> {
+        let (pairs, others) = (pairs_of_objects(description, rule), objects(description, other));
+        let is_by_rule = |a: usize, b: usize| {
+            let entry = self.between(a, b);
+            pairs.contains(&[a.min(b), a.max(b)]) && !entry.is_ignored && entry.thickness == rule.thickness
+        };
+        let mut all = objects(description, side);
+        all.retain(|object| others.iter().any(|other| is_by_rule(*object, *other)));
+        all
     }
 
     /// Whether a rule gives cloth a thickness on cloth.

@@ -19,6 +19,16 @@ pub enum ContactSide {
     Part(usize, usize),
 }
 
+impl ContactSide {
+    /// The garment that it is, or is a part of.
+    pub(crate) fn garment(self) -> Option<usize> {
+        match self {
+            Self::Garment(garment) | Self::Part(garment, _) => Some(garment),
+            Self::Body(_) => None,
+        }
+    }
+}
+
 /// Contact of two garments, of a garment with a body, or of a garment with itself, where it differs from what the objects say. In the
 /// place of a garment may be a part of it. A rule of a garment holds for its parts too, except where a rule names them.
 ///
@@ -104,10 +114,7 @@ impl SceneDescription {
 
     /// Names of the garments of each rule by which garments, or parts of them, pass through each other.
     pub fn ignored_garments(&self) -> Vec<[String; 2]> {
-        let garment = |side: ContactSide| match side {
-            ContactSide::Garment(garment) | ContactSide::Part(garment, _) => Some(self.garments[garment].name.clone()),
-            ContactSide::Body(_) => None,
-        };
+        let garment = |side: ContactSide| Some(self.garments[side.garment()?].name.clone());
         let names = |rule: &ContactRule| Some([garment(rule.between[0])?, garment(rule.between[1])?]);
         self.contacts.iter().filter(|rule| rule.ignore).filter_map(names).collect()
     }

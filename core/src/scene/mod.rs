@@ -22,6 +22,7 @@ mod solver;
 pub mod vertex_maps;
 
 pub use body::{BodyDescription, BodyShape, RigidMotion};
+pub use contact_matrix::{ContactEntry, ContactMatrix};
 pub use contact_rule::{ContactRule, ContactSide};
 pub use described::Described;
 pub use elastic::ElasticDescription;
@@ -117,6 +118,11 @@ impl Timeline {
     /// Time of a frame in files [s]: frame / fps, computed from integers.
     pub fn file_time(&self, frame: i64) -> f64 {
         frame as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        f64::from(self.fps_numerator) / f64::from(self.fps_denominator)
     }
 
     /// Length of one frame [s].

@@ -42,7 +42,6 @@ impl Simulation {
     /// Time steps of a frame, if every step is as long as the elastic forces and the scene allow, and what asks for them.
     pub fn planned_steps(&self) -> PlannedSteps {
         let description = self.scene.description();
-        let frame = description.timeline.frame_duration();
         let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
         let longest = self.limit.longest(&description.solver, 1.0);
         let is_implicit = description.solver.integrator.spec().is_implicit;
@@ -56,7 +55,7 @@ impl Simulation {
             }
             None => "the frame rate".to_owned(),
         };
-        PlannedSteps { steps: (frame / longest).ceil().max(1.0), longest, because }
+        PlannedSteps { steps: self.limit.planned_steps(&description.solver), longest, because }
     }
 
     /// Returns the cost of the frame of `summary`, which ran just now. Forces are timed by themselves, on one thread

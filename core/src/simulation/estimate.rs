@@ -143,8 +143,7 @@ impl CostModel<'_> {
         // Wind folds cloth, pins alone let it hang.
         let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
         let in_contact = has(Need::Bodies) || (repels && (description.garments.len() > 1 || is_blown));
-        let longest = self.limit(integrator).longest(&description.solver, 1.0);
-        let steps = (frame / longest).ceil().max(1.0);
+        let steps = self.limit(integrator).planned_steps(&description.solver);
         let is_implicit = integrator.spec().is_implicit;
         let counts = if is_implicit { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
         let [solves, iterations] = counts;

@@ -6,6 +6,7 @@ use crate::effects::spec::Effect;
 use crate::error::{Problem, Problems};
 use crate::scene::{Integrator, Scene};
 use crate::setup::validate::unused::check_unused;
+use crate::solve::implicit_velocity::by_part;
 use crate::state::State;
 
 /// Expected time of short steps over that of long ones in contact from which on long ones are taken: the latter is the least that they
@@ -51,12 +52,12 @@ fn expected(scene: &Scene) -> Result<FrameEstimate, Vec<Problem>> {
 
 fn estimate(scene: &Scene, effects: Vec<(PlannedEffect, Effect)>) -> FrameEstimate {
     let parts = scene.parts();
-    let (mut forces, mut plan) = ((0..parts.count()).map(|_| Vec::new()).collect::<Vec<_>>(), Vec::new());
-    for (planned, effect) in effects {
-        let [elements] = parts.ranks().sum_of([planned.elements as u64]);
-        plan.push(PlannedEffect { elements: elements as usize, ..planned });
-        effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
+    let (mut plan, of_effects): (Vec<PlannedEffect>, Vec<Effect>) = effects.into_iter().unzip();
+    for effect in &mut plan {
+        let [elements] = parts.ranks().sum_of([effect.elements as u64]);
+        effect.elements = elements as usize;
     }
+    let forces = by_part(parts, of_effects.into_iter().flat_map(|effect| effect.forces));
     let State { v: velocities, .. } = State::at_start(scene);
     let model = CostModel { scene, plan: &plan, forces: &forces, velocities: &velocities };
     model.estimate(scene.description().solver.integrator)

@@ -1,5 +1,6 @@
 //! A scene with its state and effects, advanced frame by frame.
 
+use std::mem::take;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
 use crate::scene::{Integrator, Scene};
 use crate::snapshot::saved_section::SectionId;
-use crate::solve::implicit_velocity::PartForces;
+use crate::solve::implicit_velocity::by_part;
 use crate::state::State;
 use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays};
 use crate::time_step::StepLimit;
@@ -310,7 +311,7 @@ impl Simulation {
     /// The simulation of a scene with these effects, bodies, tracks and wind.
     fn with(
         scene: Arc<Scene>,
-        effects: Vec<(PlannedEffect, Effect)>,
+        mut effects: Vec<(PlannedEffect, Effect)>,
         state: State,
         (bodies, tracks, wind): (Bodies, Vec<Samples>, WindGrid),
     ) -> Result<Self, Problems> {
@@ -318,15 +319,12 @@ impl Simulation {
         let parts = scene.parts();
         agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
         let targets = targets.map_err(|p| Problems(vec![p]))?;
-        let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
+        let forces = by_part(parts, effects.iter_mut().flat_map(|(_, effect)| take(&mut effect.forces)));
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
         let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
         let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
         let (mut yields, mut breaks) = (None, None);
         for (planned, effect) in effects {
-            for (part, force) in effect.forces {
-                forces[part].push(force);
-            }
             pins = pins.or(effect.pins);
             filters.extend(effect.filters);
             collision = collision.or(effect.body_collision);

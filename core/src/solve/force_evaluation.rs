@@ -114,6 +114,8 @@ impl ForceEvaluation<'_> {
         rows.clear();
         masses.iter().enumerate().for_each(|(vertex, mass)| rows.add_scalar(vertex, *mass));
         for (force, slots) in forces.iter().zip(slots) {
+            let drag = force.vertex_drag().iter().enumerate();
+            drag.for_each(|(vertex, drag)| rows.add_scalar(vertex, factors.damping * drag));
             if let Some(force) = force.linearised() {
                 force.add_blocks(&view, factors, slots, rows);
             }

@@ -8,7 +8,7 @@
 
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
-use crate::effects::force::{Force, ForceContext, PartMotion, PartView};
+use crate::effects::force::{Force, ForceContext, PartForce, PartMotion, PartView};
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
@@ -17,6 +17,13 @@ use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System}
 
 /// Forces of every part, in the order of the registry.
 pub type PartForces = Vec<Vec<Box<dyn Force>>>;
+
+/// Puts forces to the parts on which they act, in the order in which they come.
+pub fn by_part(parts: &Parts, forces: impl IntoIterator<Item = PartForce>) -> PartForces {
+    let mut all: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
+    forces.into_iter().for_each(|(part, force)| all[part].push(force));
+    all
+}
 
 /// Masses of the solves, m + h c with the drag coefficient c of each vertex.
 #[derive(Debug, Default)]

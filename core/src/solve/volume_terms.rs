@@ -3,8 +3,6 @@
 //!
 //! Their product takes one sum over all parts, `g · s`, and what each vertex has of it.
 
-use std::ops::Range;
-
 use crate::Vec3;
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::Parts;
@@ -15,8 +13,8 @@ use crate::volumes::Volumes;
 /// The term of one volume.
 #[derive(Debug)]
 struct VolumeTerm {
-    /// Own vertices of its garment, local numbers.
-    vertices: Range<usize>,
+    /// The garment that encloses it.
+    garment: usize,
     /// c [kg/m⁴].
     factor: f64,
     /// g · s of each part.
@@ -48,13 +46,13 @@ impl VolumeTerms {
             return;
         }
         self.terms.resize_with(volumes.0.len(), || VolumeTerm {
-            vertices: 0..0,
+            garment: 0,
             factor: 0.0,
             sums: vec![0.0; parts.count()],
             product: 0.0,
         });
         for (term, volume) in self.terms.iter_mut().zip(&volumes.0) {
-            term.vertices = parts.own_of_garment(volume.garment());
+            term.garment = volume.garment();
             term.factor = stiffness_factor * volume.stiffness();
         }
         self.gradient.resize(parts.own().len(), Simd4::ZERO);
@@ -72,12 +70,14 @@ impl VolumeTerms {
         let Self { terms, gradient } = self;
         let first = parts.own().start;
         for term in terms {
-            let vertices = &term.vertices;
+            let garment = term.garment;
             parts.for_each(PerPart(&mut term.sums), &|part, sum| {
-                let Range { start, end } = within(&parts.ranges()[part], vertices);
+                let range = parts.ranges()[part].clone();
                 let mut products = Simd4::ZERO;
-                let pairs = gradient[start - first..end - first].iter().zip(&s[start..end]);
-                pairs.for_each(|(g, s)| products += g.component_mul(*s));
+                if parts.garment_of(range.start) == garment {
+                    let pairs = gradient[range.start - first..range.end - first].iter().zip(&s[range]);
+                    pairs.for_each(|(g, s)| products += g.component_mul(*s));
+                }
                 sum.0[0] = products.sum();
             });
             let [sum] = parts.join_parts(&[&term.sums]);
@@ -88,10 +88,9 @@ impl VolumeTerms {
     /// Adds the last products to the vectors `q` of a part, its own slice.
     pub(super) fn add_product(&self, parts: &Parts, part: usize, q: &mut [Simd4]) {
         let (range, first) = (&parts.ranges()[part], parts.own().start);
-        for term in &self.terms {
-            let Range { start, end } = within(range, &term.vertices);
-            let vectors = q[start - range.start..end - range.start].iter_mut();
-            vectors.zip(&self.gradient[start - first..end - first]).for_each(|(q, g)| *q += *g * term.product);
+        for term in self.terms.iter().filter(|term| term.garment == parts.garment_of(range.start)) {
+            let gradient = &self.gradient[range.start - first..range.end - first];
+            q.iter_mut().zip(gradient).for_each(|(q, g)| *q += *g * term.product);
         }
     }
 
@@ -100,10 +99,4 @@ impl VolumeTerms {
         let sums = self.terms.iter().map(|term| size_of_val(&*term.sums)).sum::<usize>();
         size_of_val(&*self.gradient) + size_of_val(&*self.terms) + sums
     }
-}
-
-/// The vertices of a part that are among these, an empty range in it if there are none.
-fn within(part: &Range<usize>, vertices: &Range<usize>) -> Range<usize> {
-    let start = vertices.start.clamp(part.start, part.end);
-    start..vertices.end.clamp(start, part.end)
 }

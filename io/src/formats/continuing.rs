@@ -1,10 +1,10 @@
 //! Parts that caches of all formats share when they are continued: checks of the mark, and names beside the final
 //! one.
 
-use std::fs::{self, File};
-use std::io::ErrorKind;
+use std::fs::File;
 use std::path::Path;
 
+use crate::atomic_file;
 use crate::cache::{CacheMark, CachePlan};
 use crate::error::IoError;
 
@@ -48,12 +48,10 @@ pub(super) fn marked_frames(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark)
     }
 }
 
-/// Removes a file if it exists.
+/// Removes a file in whose place another one is created, if it is there.
 pub(super) fn remove(path: &Path) -> Result<(), IoError> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
-        _ => Ok(()),
-    }
+    atomic_file::remove(path).map_err(|e| IoError::creating(path, e))?;
+    Ok(())
 }
 
 /// Brings the name of a file to the disk.

@@ -25,7 +25,7 @@ impl About {
         Self {
             name: shot.name().to_owned(),
             frames: [timeline.start, timeline.origin, shot.frames()[1]],
-            fps: f64::from(timeline.fps_numerator) / f64::from(timeline.fps_denominator),
+            fps: timeline.fps(),
             garments: description.garments.iter().map(|garment| garment.name.clone()).collect(),
             bodies: description.bodies.iter().map(|body| body.name.clone()).collect(),
             warnings: shot.warnings().to_vec(),

@@ -253,10 +253,8 @@ fn remove(path: &Path) -> Result<(), IoError> {
 
 /// Removes a file, if it is there.
 fn remove_file(path: &Path) -> Result<(), IoError> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(IoError::writing(path, e)),
-        _ => Ok(()),
-    }
+    atomic_file::remove(path).map_err(|e| IoError::writing(path, e))?;
+    Ok(())
 }
 
 /// The frames that a file lists, one a line; none where there is no file.

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 use std::{fmt, fs};
 
+use drapery_io::atomic_file;
 use drapery_io::error::IoError;
 
 use crate::farm::lock::{self, Holder};
@@ -284,10 +285,9 @@ impl StopRequests {
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         let mut removed = Vec::new();
         for name in [STOP, CHECKPOINT] {
-            match fs::remove_file(folder.join(name)) {
-                Ok(()) => removed.push(name),
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-                Err(error) => return Err(IoError::writing(&folder.join(name), error)),
+            let file = folder.join(name);
+            if atomic_file::remove(&file).map_err(|e| IoError::writing(&file, e))? {
+                removed.push(name);
             }
         }
         self.state().files = Some(ControlFiles { folder, last_look: None, stop: false, obeyed: None });

@@ -6,8 +6,7 @@ use super::{Facts, Finding};
 use crate::check::rates::{other_rate, shown};
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
-    let timeline = facts.inputs.timeline;
-    let fps = f64::from(timeline.fps_numerator) / f64::from(timeline.fps_denominator);
+    let fps = facts.inputs.timeline.fps();
     let mut findings: Vec<Finding> = Vec::new();
     for finding in facts.motions().filter_map(|motion| of_motion(motion, fps)) {
         // A track of several pins is named once.

@@ -59,7 +59,7 @@ impl Shot {
             start: timeline.time(timeline.start),
             end: timeline.time(last),
             frames: [timeline.origin, last],
-            fps: timeline.frame_duration().recip(),
+            fps: timeline.fps(),
         }
     }
 

@@ -3,7 +3,6 @@
 use drapery_core::Vec3;
 use drapery_core::effects::body_collision;
 use drapery_core::geometry::shapes::Shape;
-use drapery_core::geometry::surface_binding::SurfaceBinding;
 use drapery_core::scene::{ContactSide, RigidMotion, SeamDescription};
 
 use super::solid::{Solid, in_frame_of, solids};
@@ -126,8 +125,7 @@ fn through_mesh(triangles: &[[u32; 3]], positions: &[Vec3], stitches: &[Stitch])
     };
     let spans: Vec<Option<[Vec3; 2]>> = stitches.iter().map(inside).collect();
     let middles: Vec<Vec3> = spans.iter().flatten().map(|[a, b]| (a + b) * 0.5).collect();
-    let bound = SurfaceBinding::new(positions.to_vec(), triangles.to_vec(), &middles, &[]);
-    let mut depths = bound.iter().flat_map(SurfaceBinding::distances);
+    let mut depths = Solid::Mesh { triangles, positions }.distances(&middles).into_iter();
     let passage = |span: &Option<[Vec3; 2]>| {
         let [a, b] = (*span)?;
         Some(Passage { length: (b - a).norm(), depth: depths.next()? })

@@ -24,7 +24,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
 
 fn of_motion(facts: &Facts<'_>, motion: &InputMotion) -> Option<Finding> {
     let timeline = facts.inputs.timeline;
-    let fps = f64::from(timeline.fps_numerator) / f64::from(timeline.fps_denominator);
+    let fps = timeline.fps();
     if other_rate(motion, fps).is_some() {
         return None;
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use drapery_core::Vec3;
 use drapery_core::effects::body_collision;
-use drapery_core::scene::{ContactRule, ContactSide, PinTarget};
+use drapery_core::scene::{ContactEntry, ContactMatrix, ContactSide, PinTarget};
 
 use super::solid::{Solid, solids};
 use super::{Facts, Finding};
@@ -22,7 +22,7 @@ const UNSEEN: f64 = 0.001;
 struct KeptDistance {
     /// Thickness of the body for the garment [m]; `None` where the two ignore each other.
     whole: Option<Thickness>,
-    /// The same for vertices of parts of which a rule speaks.
+    /// The same for vertices of parts.
     of_parts: BTreeMap<u32, Option<Thickness>>,
 }
 
@@ -34,20 +34,20 @@ struct Thickness {
 }
 
 impl KeptDistance {
-    fn new(facts: &Facts<'_>, garment: usize, body: usize) -> Self {
-        let with_body = |side| facts.scene.contact_rule(side, ContactSide::Body(body));
-        let whole_rule = with_body(ContactSide::Garment(garment));
+    fn new(facts: &Facts<'_>, rules: Option<&ContactMatrix>, (garment, body): (usize, usize)) -> Self {
+        let written = Thickness { length: facts.scene.bodies[body].thickness, is_by_rule: false };
         let by_rule = |length| Thickness { length, is_by_rule: true };
-        let wider = whole_rule.and_then(|rule| rule.thickness).map(by_rule);
-        let written = wider.unwrap_or(Thickness { length: facts.scene.bodies[body].thickness, is_by_rule: false });
-        let of = |rule: &ContactRule| (!rule.ignore).then(|| rule.thickness.map_or(written, by_rule));
+        let of = |side| {
+            let entry = rules.map(|rules| *rules.of_sides(facts.scene, [side, ContactSide::Body(body)]));
+            let ContactEntry { is_ignored, thickness, .. } = entry.unwrap_or_default();
+            (!is_ignored).then(|| thickness.map_or(written, by_rule))
+        };
         let mut of_parts = BTreeMap::new();
         for (part, vertices) in facts.scene.garments[garment].parts.values().enumerate() {
-            if let Some(rule) = with_body(ContactSide::Part(garment, part)) {
-                of_parts.extend(vertices.iter().map(|vertex| (*vertex, of(rule))));
-            }
+            let kept = of(ContactSide::Part(garment, part));
+            of_parts.extend(vertices.iter().map(|vertex| (*vertex, kept)));
         }
-        Self { whole: whole_rule.map_or(Some(written), of), of_parts }
+        Self { whole: of(ContactSide::Garment(garment)), of_parts }
     }
 
     /// Thickness for a vertex; `None` where it ignores the body.
@@ -67,12 +67,15 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     }
     // Files that cannot be read are reported elsewhere.
     let Ok(input) = facts.inputs.at(facts.inputs.timeline.start) else { return Vec::new() };
-    let solids = solids(facts, &input);
+    let (solids, rules) = (solids(facts, &input), ContactMatrix::of(facts.scene));
     let garments =
         (0..facts.scene.garments.len()).filter_map(|garment| Some((garment, free_vertices(facts, garment)?)));
     garments
         .flat_map(|(garment, free)| {
-            solids.iter().filter_map(|solid| of_pair(facts, garment, &free, solid)).collect::<Vec<_>>()
+            solids
+                .iter()
+                .filter_map(|solid| of_pair((facts, rules.as_ref()), garment, &free, solid))
+                .collect::<Vec<_>>()
         })
         .collect()
 }
@@ -95,13 +98,13 @@ fn held_by(target: &PinTarget) -> Vec<u32> {
 }
 
 fn of_pair(
-    facts: &Facts<'_>,
+    (facts, rules): (&Facts<'_>, Option<&ContactMatrix>),
     garment: usize,
     free: &[(u32, Vec3)],
     (number, solid): &(usize, Solid<'_>),
 ) -> Option<Finding> {
     let body = &facts.scene.bodies[*number];
-    let kept = KeptDistance::new(facts, garment, *number);
+    let kept = KeptDistance::new(facts, rules, (garment, *number));
     let (vertices, places) = solid.near(free, FAR_ENOUGH * kept.largest());
     // A tree over a mesh costs more than all else here.
     if kept.largest() == 0.0 || places.len() * FEW <= free.len() {

@@ -166,10 +166,8 @@ pub(super) fn remove(path: &Path) -> Result<(), IoError> {
     if let Some(folder) = formats::folder_of(path) {
         formats::remove_folder(&folder)?;
     }
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
-        _ => Ok(()),
-    }
+    atomic_file::remove(path).map_err(|e| IoError::creating(path, e))?;
+    Ok(())
 }
 
 /// Files of a run in `folder` beside its checkpoints and logs: those that are there of what every run writes, of the outputs

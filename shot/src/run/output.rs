@@ -168,7 +168,7 @@ impl Output {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
         let (layers, single) = (layers(shot, planned, &folder), shot.single_layer(&folder));
-        let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
+        let fps = about.timeline.fps();
         let garments = shot.garments.len();
         let faces = WrittenFaces::of(&shot.written, &shot.inputs, shot.simulation(), units)?;
         let attributes = FrameAttributes::of(&about.output, &shot.written)?;

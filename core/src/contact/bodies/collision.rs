@@ -180,7 +180,7 @@ impl BodyCollision {
     }
 
     /// Whether surfaces pinch an own vertex, by its local number.
-    pub(crate) fn is_dragged(&self, vertex: usize) -> bool {
+    pub(crate) fn is_pinched(&self, vertex: usize) -> bool {
         self.contacts[vertex - self.first].pinching.is_some()
     }
 

@@ -171,11 +171,8 @@ impl ProximityList {
         let shift = self.predicted_shift;
         let is_predicted = self.predicted.is_some();
         let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
-            let bounds = ends.map_or_else(
-                || Aabb::of_point(&x[i]),
-                |predicted| Aabb::of_segment(&x[i], &(predicted.ends[i] - shift)),
-            );
-            bounds.enlarged(ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap)
+            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap;
+            Aabb::around_path([&x[i], ends.map_or(&x[i], |predicted| &predicted.ends[i])], &shift, reach)
         };
         let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
             for x in all {
@@ -201,9 +198,11 @@ impl ProximityList {
             fetch(&renumber, surface, &mut [x]);
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
-        for (list, kind) in self.lists.iter_mut().zip(KINDS) {
+        let first = pieces.iter().flatten().filter(|n| n.pair.kind == KINDS[0]).count();
+        let rest = pieces.iter().map(Vec::len).sum::<usize>() - first;
+        for (list, count) in self.lists.iter_mut().zip([first, rest]) {
             list.clear();
-            list.reserve_exact(pieces.iter().flatten().filter(|n| n.pair.kind == kind).count());
+            list.reserve_exact(count);
         }
         pieces.into_iter().flatten().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         self.edge_length = measures(surface, is_predicted);

@@ -35,7 +35,7 @@ impl Inflation {
     /// The box of a node.
     fn swept(&self, surface: &ContactSurface, paths: &NodePaths, shift: &Vec3, node: usize) -> Aabb {
         let reach = self.gap + self.margin * surface.edge_length()[node];
-        Aabb::of_segment(&paths.start[node], &(paths.end[node] - shift)).enlarged(reach)
+        Aabb::around_path([&paths.start[node], &paths.end[node]], shift, reach)
     }
 }
 

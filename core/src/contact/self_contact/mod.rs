@@ -387,7 +387,7 @@ impl SelfContact {
                 (change.norm() / self.surface.edge_length()[node], self.surface.nodes().number(number));
             // Shorter steps leave a vertex that bodies pinch no more room.
             let is_pinched = geometric.pinched.binary_search(&in_scene).is_ok()
-                || body_collision.as_ref().is_some_and(|bodies| bodies.is_dragged(vertex));
+                || body_collision.as_ref().is_some_and(|bodies| bodies.is_pinched(vertex));
             if share > self.largest_correction.0 && !is_pinched {
                 self.largest_correction = (share, in_scene);
             }

@@ -5,6 +5,7 @@ use crate::effects::registry::build_all;
 use crate::mesh::PolygonMesh;
 use crate::pins::PinTargets;
 use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
+use crate::solve::implicit_velocity::by_part;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -32,10 +33,8 @@ fn direction(count: usize) -> Vec<Vec3> {
 
 /// The forces of a scene, and their matrix with room for all elements.
 fn forces(scene: &Scene) -> (PartForces, BlockMatrix, ElementSlots) {
-    let mut forces: PartForces = (0..scene.parts().count()).map(|_| Vec::new()).collect();
-    for (part, force) in build_all(scene).unwrap_or_else(|p| panic!("{p}")).into_iter().flat_map(|(_, e)| e.forces) {
-        forces[part].push(force);
-    }
+    let effects = build_all(scene).unwrap_or_else(|p| panic!("{p}"));
+    let forces = by_part(scene.parts(), effects.into_iter().flat_map(|(_, effect)| effect.forces));
     let (matrix, slots) = matrix_of(scene.parts(), &forces);
     (forces, matrix, slots)
 }

@@ -67,11 +67,7 @@ impl AlembicMesh {
         if meshes.is_empty() {
             return Err(IoError::data(path, "objects", without_meshes(&archive), "export the meshes themselves"));
         }
-        let hidden = take_hidden(&mut meshes)?;
-        if let (Some(hidden), true) = (hidden.first(), meshes.is_empty()) {
-            let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
-            return Err(IoError::data(path, "objects", what, "show it before the export, or choose another mesh"));
-        }
+        take_hidden(path, &mut meshes, "show it before the export, or choose another mesh")?;
         let times = sample_times(&meshes)?;
         Ok(Self { path: path.to_owned(), meshes, times, frame_rate: archive.frames_per_second_hint() })
     }
@@ -229,14 +225,18 @@ pub(super) fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
     }
 }
 
-/// Takes away the meshes that are hidden at all times; returns their paths.
-pub(super) fn take_hidden(meshes: &mut Vec<PolyMesh>) -> Result<Vec<String>, IoError> {
+/// Takes away the meshes that are hidden at all times; returns their paths. Meshes that all are hidden are an error with this advice.
+pub(super) fn take_hidden(path: &Path, meshes: &mut Vec<PolyMesh>, advice: &str) -> Result<Vec<String>, IoError> {
     let mut hidden = Vec::new();
     for mesh in std::mem::take(meshes) {
         match mesh.object().is_hidden()? {
             true => hidden.push(mesh.object().path().to_owned()),
             false => meshes.push(mesh),
         }
+    }
+    if let (Some(hidden), true) = (hidden.first(), meshes.is_empty()) {
+        let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
+        return Err(IoError::data(path, "objects", what, advice));
     }
     Ok(hidden)
 }

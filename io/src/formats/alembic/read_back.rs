@@ -75,17 +75,15 @@ pub(super) fn open(path: &Path, Opening { root, rate }: Opening) -> Result<Cache
     if stored.is_empty() {
         return Err(IoError::data(path, "objects", "it contains no mesh", "give a cache of a garment"));
     }
-    let hidden = take_hidden(&mut stored)?;
-    if let (Some(hidden), true) = (hidden.first(), stored.is_empty()) {
-        let what = format!("the mesh {hidden} is not rendered: {INVISIBLE}");
-        return Err(IoError::data(path, "objects", what, "show it before the export"));
-    }
+    let hidden = take_hidden(path, &mut stored, "show it before the export")?;
     let hidden = hidden.iter().map(|path| format!("{path} is left out: {INVISIBLE}")).collect();
-    let fps = rate.or(archive.frames_per_second_hint());
+    let stated_fps = archive.frames_per_second_hint();
+    let fps = rate.or(stated_fps);
     let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
     let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
     let samples = ArchiveSamples { path: path.to_owned(), meshes, bounds: archive.bounds()?, archive, fps };
-    Ok(CacheFrames { states_length, hidden, ..CacheFrames::new(path, (units.into(), fps), described, samples) })
+    let cache = CacheFrames::new(path, (units.into(), fps), described, samples);
+    Ok(CacheFrames { states_length, hidden, stated_fps, ..cache })
 }
 
 impl CacheSamples for ArchiveSamples {

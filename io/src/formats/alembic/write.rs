@@ -125,7 +125,7 @@ impl AlembicWriter {
             description: format!("garment {}", plan.garment),
             // Without a date, equal runs give equal bytes.
             date: None,
-            frames_per_second: Some(plan.fps()),
+            frames_per_second: Some(plan.timeline.fps()),
             extra: MetaData::new()
                 .with("lengthUnit", plan.units.length.word())
                 .with("metersPerUnit", &plan.units.length.metres().to_string())

@@ -218,7 +218,7 @@ fn unicode(text: &str) -> hdf5::Result<VarLenUnicode> {
 }
 
 fn numbers(plan: &CachePlan<'_>) -> [(&'static str, f64); 2] {
-    [("fps", plan.fps()), ("metres_per_unit", plan.units.length.metres())]
+    [("fps", plan.timeline.fps()), ("metres_per_unit", plan.units.length.metres())]
 }
 
 fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {

@@ -51,7 +51,7 @@ impl<'a> Writer<'a> {
                 let first = &plan.caches[0];
                 let rate = first.timeline;
                 application.push(("fps", format!("{}/{}", rate.fps_numerator, rate.fps_denominator)));
-                (paths[0].root().to_owned(), layer_units(first.units, first.fps()))
+                (paths[0].root().to_owned(), layer_units(first.units, first.timeline.fps()))
             }
         };
         let about = About { units, default_prim: &root, frames: plan.frames, properties: &application };

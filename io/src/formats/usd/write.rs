@@ -103,7 +103,7 @@ impl UsdWriter {
             mesh: plan.mesh.clone(),
             split_normals: None,
             mesh_path: MeshPath::of(&plan.object_path()),
-            units: layer_units(plan.units, plan.fps()),
+            units: layer_units(plan.units, plan.timeline.fps()),
             origin: plan.file_origin(),
             documentation: format!("Garment {}", plan.garment),
             properties,

@@ -168,6 +168,17 @@ struct Found {
     crossings: [Vec<Crossing>; 3],
 }
 
+/// The pairs of the list, ascending.
+fn entries(proximity: &ProximityList, surface: &ContactSurface) -> Vec<Entry> {
+    let entry = |n: &CandidatePair| {
+        let pair = surface.nodes().numbered(&n.pair);
+        (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
+    };
+    let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
+    entries.sort_unstable();
+    entries
+}
+
 fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let mut surface = heap.surface(ranks, starts);
     let corners = surface.nodes().ghosts().len();
@@ -183,13 +194,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
         let end = heap.at(&surface, 2);
         used.push(proximity.update_displacements(&surface, [&x; 2].map(Vec::as_slice), [0.0; 2]).to_bits());
         used.push(proximity.update_displacements(&surface, [&x, &end].map(Vec::as_slice), [0.0, 1.0]).to_bits());
-        let entry = |n: &CandidatePair| {
-            let pair = surface.nodes().numbered(&n.pair);
-            (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
-        };
-        let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
-        entries.sort_unstable();
-        held.push(entries);
+        held.push(entries(&proximity, &surface));
     }
     let nodes = surface.nodes().clone();
     let displacements = nodes.own().map(|node| proximity.displacements[node].to_bits()).collect();
@@ -214,20 +219,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     proximity.renumber(&wide, &surface);
     paths.renumber(&wide);
     assert_eq!(paths.start, heap.at(&surface, 2), "ghosts that visitors brought are gone again");
-    let after: Vec<Entry> = {
-        let entry = |n: &CandidatePair| {
-            (
-                surface.nodes().numbered(&n.pair),
-                n.distance.to_bits(),
-                n.thickness.to_bits(),
-                proximity.distance_bound(n).to_bits(),
-            )
-        };
-        let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
-        entries.sort_unstable();
-        entries
-    };
-    assert_eq!(Some(&after), held.last());
+    assert_eq!(Some(&entries(&proximity, &surface)), held.last());
     let mut check = |time: usize, moved: Option<u32>| {
         let x = heap.at(&surface, time);
         search.refit(&surface, |i| Aabb::of_point(&x[i]));
