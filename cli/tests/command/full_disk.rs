@@ -33,7 +33,7 @@ fn a_run_whose_disk_is_full_has_failed_with_the_reason_and_goes_on_when_there_is
         for words in [
             "exit code 74",
             "sheet: failed",
-            "  error        disk/out/sheet",
+            "  error        disk/out/",
             "No space left on device",
             "\"state\":\"failed\"}",
             "then 0",
