@@ -97,7 +97,7 @@ shape = {{ {shape} }}
 [[garment]]
 name = "sheet"
 panel = {{ resolution = {CELLS}, side = {}, aspect = 1.0, center = [0, 1, 0] }}
-material = "cotton_shirt"
+material = "cotton_shirting"
 "#,
         CELLS as f64 * DX
     );

@@ -132,7 +132,7 @@ fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_r
             ),
             (
                 &on_ball("thickness = \"40 mm\"\n"),
-                &["start closer to body \"ball\"", "of 40.00 mm; this one", "need less"],
+                &["start closer to body \"ball\"", "of 40.00 mm, which the scene sets; this one", "rule `thin_body`"],
             ),
             (
                 &on_ball(&rule_of("sheet", "thickness = 2")),
