@@ -69,7 +69,8 @@ const BODIES: &str = "
 ## Thickness of bodies
 
 Contact keeps the vertices of cloth off a body. Between them a face of cloth cuts into a curved body, and the body's own faces lie
-below its vertices. If the scene sets no `thickness`, a body from a file gets one that hides both, along either diagonal of the faces:
+below its vertices. If the scene sets no `thickness`, a body from a file, a `sphere` and a `capsule` get one that hides both, along either
+diagonal of the faces:
 
 ```text
 (h² + b²) κ / 8     at an edge between two faces of the body; h sin θ / 2 where h < b and that is less; at most 0.1 / κ
@@ -77,13 +78,15 @@ below its vertices. If the scene sets no `thickness`, a body from a file gets on
 
 * `h`: diameter of the smallest circle around a face of cloth; 95 % of the garment's area have a smaller one. The coarsest garment counts.
 * `b`: the same diameter for the larger of the body's two faces.
-* `θ`, `κ`: angle between these faces; curvature, θ over the distance of their centres. Edges sharper than 60° do not count.
+* `θ`, `κ`: angle between these faces; curvature, θ over the distance of their centres. Edges sharper than 60° do not count. A sphere and a
+  capsule have κ = 1/radius and b = 0 everywhere.
 * The thickness is the value that 95 % of the body's area do not exceed, in its first frame, in steps of 0.01 mm. It is at least the
   largest thickness of the garments' materials.
 
 The maximum is a tenth of the radius of curvature. Cloth that needs more, as on a finger, wraps around the body instead of lying on
 it; only a finer mesh helps. `drapery plan` shows both numbers, `check` warns of thinner bodies ([`thin_body`](warnings.md)), and
-`resolved.toml` holds the number. Shapes such as `sphere` have the thickness of the materials.
+`resolved.toml` holds the number. Other shapes have the thickness of the materials: edges and faces of cloth meet boxes and cylinders
+themselves if the scene asks for `[self_collision]`.
 ";
 
 fn is_effect(key: &str) -> bool {

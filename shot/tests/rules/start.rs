@@ -145,7 +145,7 @@ fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_r
             &over("0.801", "[[contact]]\nbetween = [\"sheet\", \"hero\"]\nignore = true\n"),
             &on_ball(""),
             &on_ball(&("thickness = \"40 mm\"\n".to_owned() + &rule_of("sheet", "ignore = true"))),
-            &on_ball(&("thickness = \"5 mm\"\n".to_owned() + &rule_of("sheet.middle", "ignore = true"))),
+            &on_ball(&("thickness = \"11 mm\"\n".to_owned() + &rule_of("sheet.middle", "ignore = true"))),
         ],
     );
 }
