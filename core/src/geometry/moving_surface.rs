@@ -25,6 +25,14 @@ use crate::mesh::unpaired_edges;
 /// Vertices one task moves at least.
 const MOVE_CHUNK: usize = 8192;
 
+/// Windows into which the interval between two samples is divided. The tree holds the paths of the triangles during a window, so
+/// that short steps share a refit. Changes time only, never an answer:
+/// `every_answer_is_the_one_of_all_triangles_however_steps_lie_in_the_interval`.
+const WINDOWS: f64 = 8.0;
+
+/// A window that holds no step.
+const NO_WINDOW: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+
 /// Why a mesh cannot be a body.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub(crate) enum SurfaceError {
@@ -131,10 +139,11 @@ pub(crate) struct MovingSurface {
     samples: [Vec<Vec3>; 2],
     /// Positions at the start and the end of the step.
     positions: [Vec<Vec3>; 2],
-    /// Boxes of the vertices at the end of the step, and over the step.
-    vertex_boxes: Vec<[Aabb; 2]>,
-    /// Triangles at the end of the step, and over the step; one topology.
-    trees: [Bvh; 2],
+    /// Boxes around the paths of the vertices during the window, and the tree of the triangles over these.
+    vertex_boxes: Vec<Aabb>,
+    tree: Bvh,
+    /// The window: fractions of the interval between the samples, empty before the first refit to these.
+    window: [f64; 2],
     built_cost: f64,
 }
 
@@ -151,7 +160,6 @@ impl MovingSurface {
         }
         let (star_starts, stars) = vertex_stars(&triangles, point_count);
         let closed = is_closed(&triangles);
-        let nothing = Bvh::build(&[]);
         Ok(MovingSurface {
             triangles,
             star_starts,
@@ -163,8 +171,9 @@ impl MovingSurface {
             times: [0.0; 2],
             samples: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
             positions: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
-            vertex_boxes: vec![[Aabb::EMPTY; 2]; point_count],
-            trees: [nothing.clone(), nothing],
+            vertex_boxes: vec![Aabb::EMPTY; point_count],
+            tree: Bvh::build(&[]),
+            window: NO_WINDOW,
             built_cost: 0.0,
         })
     }
@@ -195,11 +204,12 @@ impl MovingSurface {
         self.times = [time_a, time_b];
         self.samples[0].copy_from_slice(a);
         self.samples[1].copy_from_slice(b);
+        self.window = NO_WINDOW;
         self.set_step(time_b, time_b);
-        if self.trees[0].is_empty() || self.trees[0].cost() > tolerances::REBUILD_COST * self.built_cost {
-            let tree = Bvh::build(&self.triangle_boxes(0));
-            self.built_cost = tree.cost();
-            self.trees = [tree.clone(), tree];
+        if self.tree.is_empty() || self.tree.cost() > tolerances::REBUILD_COST * self.built_cost {
+            self.tree =
+                Bvh::build(&self.triangles.iter().map(|t| triangle_box(t, &self.vertex_boxes)).collect::<Vec<_>>());
+            self.built_cost = self.tree.cost();
         }
         self.set_step(time_a, time_b);
         Ok(())
@@ -211,15 +221,11 @@ impl MovingSurface {
         let shares = [self.share_of(t0), self.share_of(t1)];
         let [a, b] = &self.samples;
         let [start, end] = &mut self.positions;
-        let moving = shares[0] != shares[1];
-        let targets = start.par_iter_mut().zip(end.par_iter_mut()).zip(self.vertex_boxes.par_iter_mut());
+        let targets = start.par_iter_mut().zip(end.par_iter_mut());
         let sources = a.par_iter().zip(b.par_iter());
-        targets.zip(sources).with_min_len(MOVE_CHUNK).for_each(|(((x0, x1), boxes), (a, b))| {
-            // Exact at both ends, so that consecutive samples and steps join without a gap.
-            *x0 = a * (1.0 - shares[0]) + b * shares[0];
-            *x1 = a * (1.0 - shares[1]) + b * shares[1];
-            let at_end = Aabb::of_point(x1);
-            *boxes = [at_end, if moving { at_end.union(&Aabb::of_point(x0)) } else { at_end }];
+        targets.zip(sources).with_min_len(MOVE_CHUNK).for_each(|((x0, x1), (a, b))| {
+            *x0 = between(a, b, shares[0]);
+            *x1 = between(a, b, shares[1]);
         });
         let [at_a, at_b] = self.turned_at;
         let turned = if at_a == at_b { at_a } else { self.is_turned_at(&self.positions[1]) };
@@ -227,10 +233,25 @@ impl MovingSurface {
             self.turned = turned;
             self.triangles.par_iter_mut().for_each(|corners| corners.swap(1, 2));
         }
-        let (triangles, boxes) = (&self.triangles, &self.vertex_boxes);
-        for (kind, tree) in self.trees.iter_mut().enumerate() {
-            tree.refit(|t| triangle_box(&triangles[t as usize], boxes, kind));
+        self.cover(shares);
+    }
+
+    /// Moves the tree to the window in which a step begins, extended to the end of the step, unless it is there. Boxes of the ends of
+    /// a straight path hold all of it, with the rounding of the points between, which is far below the one of a box.
+    fn cover(&mut self, step: [f64; 2]) {
+        let first = (step[0] * WINDOWS).floor().min(WINDOWS - 1.0);
+        let window = [first / WINDOWS, ((first + 1.0) / WINDOWS).max(step[1])];
+        if window == self.window {
+            return;
         }
+        let [a, b] = &self.samples;
+        let boxes = self.vertex_boxes.par_iter_mut().zip(a.par_iter().zip(b.par_iter()));
+        boxes.with_min_len(MOVE_CHUNK).for_each(|(path, (a, b))| {
+            *path = Aabb::of_segment(&between(a, b, window[0]), &between(a, b, window[1]));
+        });
+        let (triangles, boxes) = (&self.triangles, &self.vertex_boxes);
+        self.tree.refit(|t| triangle_box(&triangles[t as usize], boxes));
+        self.window = window;
     }
 
     /// The triangles.
@@ -252,7 +273,7 @@ impl MovingSurface {
     pub(crate) fn extend_with_positions_at(&self, time: f64, all: &mut Vec<Vec3>) {
         let share = self.share_of(time);
         let [a, b] = &self.samples;
-        all.extend(a.iter().zip(b).map(|(a, b)| a * (1.0 - share) + b * share));
+        all.extend(a.iter().zip(b).map(|(a, b)| between(a, b, share)));
     }
 
     /// Whether it is inside out at the end of the step, so that its sides are exchanged.
@@ -281,9 +302,9 @@ impl MovingSurface {
     #[inline]
     pub(crate) fn closest(&self, point: &Vec3, max_distance: f64, hint: Option<u32>) -> Option<SurfacePoint> {
         let x = &self.positions[1];
-        let hint = hint.filter(|&t| (t as usize) < self.trees[0].len());
+        let hint = hint.filter(|&t| (t as usize) < self.tree.len());
         let distance_squared = |t| closest_on_triangle(point, &self.corners(x, t)).distance_squared;
-        let (triangle, _) = self.trees[0].nearest(point, max_distance, hint, distance_squared)?;
+        let (triangle, _) = self.tree.nearest(point, max_distance, hint, distance_squared)?;
         let found = closest_on_triangle(point, &self.corners(x, triangle));
         let away = point - found.point;
         let unsigned = found.distance_squared.sqrt();
@@ -324,7 +345,7 @@ impl MovingSurface {
         let [start, end] = &self.positions;
         let path = [*from, *to];
         let mut best: Option<PathHit> = None;
-        self.trees[1].for_each_overlap(&Aabb::of_segment(from, to), |triangle| {
+        self.tree.for_each_overlap(&Aabb::of_segment(from, to), |triangle| {
             let (t0, t1) = (self.corners(start, triangle), self.corners(end, triangle));
             let Some(hit) = first_crossing(&path, &t0, &t1, wanted) else {
                 return;
@@ -340,7 +361,7 @@ impl MovingSurface {
     /// Returns the winding number of the surface around `point` at the end of the step: 0 outside, 1 inside, 2 where
     /// two parts of the body overlap. Meaningless unless [`MovingSurface::is_closed`].
     pub(crate) fn winding_number(&self, point: &Vec3) -> i32 {
-        self_crossing::winding_number(&self.triangles, &self.positions[1], &self.trees[0], point)
+        self_crossing::winding_number(&self.triangles, &self.positions[1], &self.tree, point)
     }
 
     /// Finds the crossings of the surface with itself when its points are at `positions`, one for each point of the
@@ -348,10 +369,10 @@ impl MovingSurface {
     pub(crate) fn self_crossing(&self, positions: &[Vec3]) -> SelfCrossing {
         let box_of =
             |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&positions[v as usize])));
-        let tree = if self.trees[0].is_empty() {
+        let tree = if self.tree.is_empty() {
             Bvh::build(&self.triangles.iter().map(box_of).collect::<Vec<_>>())
         } else {
-            let mut tree = self.trees[0].clone();
+            let mut tree = self.tree.clone();
             tree.refit(|t| box_of(&self.triangles[t as usize]));
             tree
         };
@@ -362,10 +383,6 @@ impl MovingSurface {
     fn share_of(&self, time: f64) -> f64 {
         let duration = self.times[1] - self.times[0];
         if duration == 0.0 { 1.0 } else { ((time - self.times[0]) / duration).clamp(0.0, 1.0) }
-    }
-
-    fn triangle_boxes(&self, kind: usize) -> Vec<Aabb> {
-        self.triangles.iter().map(|t| triangle_box(t, &self.vertex_boxes, kind)).collect()
     }
 
     #[inline]
@@ -423,9 +440,15 @@ impl MovingSurface {
     }
 }
 
+/// The point at a fraction of the way from `a` to `b`: exact at both ends, so that consecutive samples and steps join without a gap.
 #[inline]
-fn triangle_box(triangle: &[u32; 3], vertex_boxes: &[[Aabb; 2]], kind: usize) -> Aabb {
-    let [a, b, c] = triangle.map(|v| vertex_boxes[v as usize][kind]);
+fn between(a: &Vec3, b: &Vec3, share: f64) -> Vec3 {
+    a * (1.0 - share) + b * share
+}
+
+#[inline]
+fn triangle_box(triangle: &[u32; 3], vertex_boxes: &[Aabb]) -> Aabb {
+    let [a, b, c] = triangle.map(|v| vertex_boxes[v as usize]);
     a.union(&b).union(&c)
 }
 

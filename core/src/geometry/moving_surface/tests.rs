@@ -159,6 +159,40 @@ fn a_thin_limb_at_fifty_metres_a_second_does_not_jump_over_a_node() {
 }
 
 #[test]
+fn every_answer_is_the_one_of_all_triangles_however_steps_lie_in_the_interval() {
+    let (triangles, a) = torus(16, 0.9, 0.3);
+    let b: Vec<Vec3> = deformed(&a, 0.4).iter().map(|p| p + Vec3::new(0.4, 0.1, -0.2)).collect();
+    let mut surface = MovingSurface::new(triangles.clone(), a.len()).unwrap();
+    surface.set_samples(0.0, &a, 1.0, &b).unwrap();
+    let mut random = SplitMix64::new(46);
+    // Forwards, across windows, back to an earlier step, and all at once.
+    let mut steps: Vec<[f64; 2]> = (0..40).map(|i| [f64::from(i) / 40.0, f64::from(i + 1) / 40.0]).collect();
+    steps.extend([[0.3, 0.31], [0.05, 0.9], [0.12, 0.13], [0.0, 1.0], [0.7, 0.7]]);
+    let mut hits = 0;
+    for [t0, t1] in steps {
+        surface.set_step(t0, t1);
+        let [start, end] = surface.path().map(<[Vec3]>::to_vec);
+        for _ in 0..40 {
+            let (from, to) = (random.vector() * 1.4, random.vector() * 1.4);
+            let distances =
+                triangles.iter().map(|t| closest_on_triangle(&to, &t.map(|v| end[v as usize])).distance_squared);
+            let (_, nearest) = distances.zip(0u32..).min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
+            assert_eq!(surface.closest(&to, 10.0, None).unwrap().triangle, nearest, "{t0} to {t1}");
+            let crossing = |t: &[u32; 3]| {
+                let at = [&start, &end].map(|x| t.map(|v| x[v as usize]));
+                first_crossing(&[from, to], &at[0], &at[1], Crossings::Any).map(|hit| hit.fraction)
+            };
+            let first = triangles.iter().zip(0u32..).filter_map(|(t, i)| Some((crossing(t)?, i)));
+            let first = first.min_by(|a, b| a.partial_cmp(b).unwrap());
+            let hit = surface.path_hit(&from, &to, Crossings::Any).map(|hit| (hit.fraction, hit.triangle));
+            assert_eq!(hit, first, "{t0} to {t1}");
+            hits += usize::from(hit.is_some());
+        }
+    }
+    assert!(hits > 200, "{hits}");
+}
+
+#[test]
 fn an_open_surface_is_hit_from_both_sides() {
     let sheet = vec![Vec3::zeros(), Vec3::x(), Vec3::z()]; // faces down
     let surface = at_rest((vec![[0, 1, 2]], sheet));
