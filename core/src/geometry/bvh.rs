@@ -119,6 +119,20 @@ impl Bvh {
         point: &Vec3,
         max_distance: f64,
         start: Option<u32>,
+        distance_squared: impl FnMut(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        self.nearest_around(point, max_distance, start, 0.0, distance_squared)
+    }
+
+    /// The same; `distance_squared` is asked at least for all primitives that are up to `margin` \[m\] farther from the point than
+    /// the closest one, or than `max_distance` if nothing is closer.
+    #[inline]
+    pub(crate) fn nearest_around(
+        &self,
+        point: &Vec3,
+        max_distance: f64,
+        start: Option<u32>,
+        margin: f64,
         mut distance_squared: impl FnMut(u32) -> f64,
     ) -> Option<(u32, f64)> {
         let target = Aabb::of_point(point);
@@ -126,7 +140,10 @@ impl Bvh {
             return None;
         }
         let mut best = (u32::MAX, max_distance * max_distance);
-        let reach_of = |best: f64| (best * (1.0 + tolerances::BOX_DISTANCE)) as f32 + f32::MIN_POSITIVE;
+        let reach_of = |best: f64| {
+            let farthest = if margin > 0.0 { (best.sqrt() + margin).powi(2) } else { best };
+            (farthest * (1.0 + tolerances::BOX_DISTANCE)) as f32 + f32::MIN_POSITIVE
+        };
         let mut reach = reach_of(best.1);
         let mut visit = |primitive: u32, best: &mut (u32, f64), reach: &mut f32| {
             let d = distance_squared(primitive);

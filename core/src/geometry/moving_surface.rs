@@ -10,6 +10,9 @@
 //! [`self_crossing`]. A closed surface that turns inside out goes on with its sides exchanged. Vertices that coincide but
 //! are not shared leave a border in the mesh: weld them first, or the sign beside such a seam may be wrong.
 
+mod motion_grid;
+mod neighbourhood;
+
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -22,13 +25,17 @@ use crate::geometry::self_crossing::{self, SelfCrossing};
 use crate::geometry::tolerances;
 use crate::mesh::unpaired_edges;
 
+pub(crate) use neighbourhood::Neighbourhood;
+
+use motion_grid::MotionGrid;
+
 /// Vertices one task moves at least.
 const MOVE_CHUNK: usize = 8192;
 
 /// Windows into which the interval between two samples is divided. The tree holds the paths of the triangles during a window, so
 /// that short steps share a refit. Changes time only, never an answer:
 /// `every_answer_is_the_one_of_all_triangles_however_steps_lie_in_the_interval`.
-const WINDOWS: f64 = 8.0;
+const WINDOWS: f64 = 16.0;
 
 /// A window that holds no step.
 const NO_WINDOW: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -145,6 +152,11 @@ pub(crate) struct MovingSurface {
     /// The window: fractions of the interval between the samples, empty before the first refit to these.
     window: [f64; 2],
     built_cost: f64,
+    /// Number of the interval between samples, from 1 on, and the motion within it.
+    interval: u64,
+    motion: MotionGrid,
+    /// End of the step, since the first sample [s].
+    end: f64,
 }
 
 impl MovingSurface {
@@ -175,6 +187,9 @@ impl MovingSurface {
             tree: Bvh::build(&[]),
             window: NO_WINDOW,
             built_cost: 0.0,
+            interval: 0,
+            motion: MotionGrid::default(),
+            end: 0.0,
         })
     }
 
@@ -204,6 +219,8 @@ impl MovingSurface {
         self.times = [time_a, time_b];
         self.samples[0].copy_from_slice(a);
         self.samples[1].copy_from_slice(b);
+        self.interval += 1;
+        self.motion.set(&self.triangles, [a, b], time_b - time_a);
         self.window = NO_WINDOW;
         self.set_step(time_b, time_b);
         if self.tree.is_empty() || self.tree.cost() > tolerances::REBUILD_COST * self.built_cost {
@@ -219,6 +236,7 @@ impl MovingSurface {
     /// points are then those at `t1`, paths those from `t0` to `t1`. Allocates nothing.
     pub(crate) fn set_step(&mut self, t0: f64, t1: f64) {
         let shares = [self.share_of(t0), self.share_of(t1)];
+        self.end = shares[1] * (self.times[1] - self.times[0]);
         let [a, b] = &self.samples;
         let [start, end] = &mut self.positions;
         let targets = start.par_iter_mut().zip(end.par_iter_mut());
@@ -301,11 +319,19 @@ impl MovingSurface {
     /// changes its result.
     #[inline]
     pub(crate) fn closest(&self, point: &Vec3, max_distance: f64, hint: Option<u32>) -> Option<SurfacePoint> {
-        let x = &self.positions[1];
-        let hint = hint.filter(|&t| (t as usize) < self.tree.len());
-        let distance_squared = |t| closest_on_triangle(point, &self.corners(x, t)).distance_squared;
-        let (triangle, _) = self.tree.nearest(point, max_distance, hint, distance_squared)?;
-        let found = closest_on_triangle(point, &self.corners(x, triangle));
+        let distance_squared = |triangle| self.distance_squared(point, triangle);
+        let (triangle, _) = self.tree.nearest(point, max_distance, self.existing(hint), distance_squared)?;
+        Some(self.surface_point(point, triangle))
+    }
+
+    /// A hint, if it is a triangle of the tree.
+    fn existing(&self, hint: Option<u32>) -> Option<u32> {
+        hint.filter(|&triangle| (triangle as usize) < self.tree.len())
+    }
+
+    /// The point of a triangle closest to `point` at the end of the step, of a surface of which no other triangle is closer.
+    fn surface_point(&self, point: &Vec3, triangle: u32) -> SurfacePoint {
+        let found = closest_on_triangle(point, &self.corners(&self.positions[1], triangle));
         let away = point - found.point;
         let unsigned = found.distance_squared.sqrt();
         let normal = match self.pseudo_normal(triangle, found.feature).try_normalize(0.0) {
@@ -320,7 +346,7 @@ impl MovingSurface {
             _ if height < 0.0 => -unsigned,
             _ => unsigned,
         };
-        Some(SurfacePoint { triangle, weights: found.weights, point: found.point, normal, distance })
+        SurfacePoint { triangle, weights: found.weights, point: found.point, normal, distance }
     }
 
     /// Velocity of a point of the surface \[m/s\], constant between two samples; zero for a body at rest.

@@ -25,6 +25,7 @@ use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::contact::bodies::friction::{SurfaceContact, VertexMotion, respond};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Bodies, BodyContactProperties, BodyPoint};
+use crate::geometry::moving_surface::Neighbourhood;
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
@@ -39,6 +40,10 @@ pub(crate) const SECTION: SectionId = SectionId { name: "body_collision", versio
 /// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
 /// until they can have come closer.
 const SEARCH_EDGES: f64 = 1.0;
+
+/// Margin of the neighbourhoods in which vertices find the closest triangle, as a share of the distance of contact. Changes time only,
+/// never an answer.
+const NEIGHBOURHOOD: f64 = 0.5;
 
 /// A body near a vertex at the end of a step.
 #[derive(Debug, Clone, Copy)]
@@ -67,6 +72,8 @@ struct ClosestCache {
     /// The vertex is at least this far from contact's reference surface [m]; negative inside.
     clearance: f64,
     hint: u32,
+    /// Triangles among which the next query looks first.
+    around: Neighbourhood,
 }
 
 /// Counts of one pass.
@@ -137,7 +144,10 @@ impl BodyCollision {
         Self {
             contacts: vec![VertexContact::default(); vertices],
             marks: vec![Marks::default(); vertices.div_ceil(CHUNK)],
-            memory: vec![ClosestCache { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
+            memory: vec![
+                ClosestCache { clearance: 0.0, hint: u32::MAX, around: Neighbourhood::NONE };
+                vertices * surfaces
+            ],
             memory_slot,
             surfaces,
             held: vec![false; vertices],
@@ -482,19 +492,29 @@ impl Search<'_> {
         if let Some((_, found)) = self.known(body, from).answer.filter(|(asked, _)| asked == place) {
             return found;
         }
-        let (reach, hint) = match self.slots[body] {
-            Some(slot) => {
-                self.counts.queries += 1;
-                (self.reach(body, slot)?, Some(self.memory[slot].hint))
-            }
-            None => (f64::INFINITY, None),
+        let found = match self.slots[body] {
+            Some(slot) => self.nearest_on_surface((body, slot), place)?,
+            None => self.step.bodies.closest(body, from, place, f64::INFINITY, None),
         };
-        let found = self.step.bodies.closest(body, from, place, reach, hint);
         self.known(body, from).answer = Some((*place, found));
         if let (Some(slot), Some(at)) = (self.slots[body], found) {
             self.memory[slot].hint = at.triangle;
         }
         found
+    }
+
+    /// The same for a surface; `None` if the vertex cannot touch it.
+    fn nearest_on_surface(&mut self, (body, slot): (usize, usize), place: &Vec3) -> Option<Option<BodyPoint>> {
+        let (bodies, reach) = (self.step.bodies, self.reach(body, slot)?);
+        let memory = &mut self.memory[slot];
+        if let Some(found) = bodies.closest_among(body, &memory.around, place, reach) {
+            return Some(found);
+        }
+        self.counts.queries += 1;
+        let margin = NEIGHBOURHOOD * self.properties[body].offset;
+        let (found, around) = bodies.closest_and_around(body, place, (reach, margin), Some(memory.hint));
+        memory.around = around;
+        Some(found)
     }
 
     /// Distance of a body at the start of the step [m], where the vertex was at `x`.

@@ -21,7 +21,7 @@ use crate::contact::bodies::rigid::{Bounds, Rigid};
 use crate::error::{Problem, Problems};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::attachment::{SurfaceAttachment, attach};
-use crate::geometry::moving_surface::MovingSurface;
+use crate::geometry::moving_surface::{MovingSurface, Neighbourhood, SurfacePoint};
 use crate::geometry::path::{Crossings, Side};
 use crate::geometry::shape_mesh::ShapeMesh;
 use crate::scene::{BodyDescription, BodyShape, Scene};
@@ -302,16 +302,37 @@ impl Bodies {
             }
             Kind::Surface(surface) => {
                 let found = surface.mesh.closest(x, reach, hint)?;
-                let velocity = surface.mesh.velocity(found.triangle, found.weights);
-                Some(BodyPoint {
-                    phi: found.distance,
-                    normal: found.gradient(x),
-                    velocity,
-                    displacement: velocity * self.dt(),
-                    triangle: found.triangle,
-                })
+                Some(surface.body_point(&found, x, self.dt()))
             }
         }
+    }
+
+    /// The same of a surface, and the triangles around that place that are up to `margin` [m] farther away.
+    pub(crate) fn closest_and_around(
+        &self,
+        body: usize,
+        x: &Vec3,
+        (reach, margin): (f64, f64),
+        hint: Option<u32>,
+    ) -> (Option<BodyPoint>, Neighbourhood) {
+        let Kind::Surface(surface) = &self.list[body] else {
+            return (self.closest(body, x, x, reach, hint), Neighbourhood::NONE);
+        };
+        let (found, around) = surface.mesh.closest_and_around(x, reach, hint, margin);
+        (found.map(|found| surface.body_point(&found, x, self.dt())), around)
+    }
+
+    /// The answer of [`Bodies::closest`] for a surface, if a neighbourhood holds it.
+    pub(crate) fn closest_among(
+        &self,
+        body: usize,
+        around: &Neighbourhood,
+        x: &Vec3,
+        reach: f64,
+    ) -> Option<Option<BodyPoint>> {
+        let Kind::Surface(surface) = &self.list[body] else { return None };
+        let found = surface.mesh.closest_among(around, x, reach)?;
+        Some(found.map(|found| surface.body_point(&found, x, self.dt())))
     }
 
     /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
@@ -489,6 +510,18 @@ impl Kind {
 }
 
 impl Surface {
+    /// A place of the surface as a vertex at `x` [m] finds it, in a step of length `dt` [s].
+    fn body_point(&self, found: &SurfacePoint, x: &Vec3, dt: f64) -> BodyPoint {
+        let velocity = self.mesh.velocity(found.triangle, found.weights);
+        BodyPoint {
+            phi: found.distance,
+            normal: found.gradient(x),
+            velocity,
+            displacement: velocity * dt,
+            triangle: found.triangle,
+        }
+    }
+
     fn push(&mut self, sample: Sample) -> Result<(), crate::geometry::moving_surface::SurfaceError> {
         let (a, b) = (&self.latest, &sample);
         self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;

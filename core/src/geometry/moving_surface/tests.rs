@@ -63,6 +63,55 @@ fn the_closest_point_is_the_one_a_look_at_every_triangle_finds_whatever_the_hint
 }
 
 #[test]
+fn a_neighbourhood_answers_like_the_tree_or_not_at_all() {
+    let (triangles, a) = torus(20, 0.9, 0.35);
+    // Turned, twisted and carried along; at rest for comparison.
+    let b: Vec<Vec3> = deformed(&a, 0.1).iter().map(|p| p + Vec3::new(0.3, -0.1, 0.2)).collect();
+    let mut random = SplitMix64::new(47);
+    for (b, least) in [(&b, 1500), (&a, 5000)] {
+        let mut surface = MovingSurface::new(triangles.clone(), a.len()).unwrap();
+        surface.set_samples(0.0, &a, 1.0, b).unwrap();
+        let [mut held, mut not, mut nothing] = [0; 3];
+        for round in 0..1000 {
+            let start = random.signed().abs();
+            surface.set_step(0.0, start);
+            // Beside the surface, on a vertex, where triangles are equally close, and anywhere.
+            let vertex = round % a.len();
+            let on_it = surface.positions()[vertex];
+            let p = [on_it + random.vector() * 0.02, on_it, random.vector()][round % 3];
+            let (margin, reach) = ([0.01, 0.03, 1.0][round % 3], [10.0, 0.005][round % 2]);
+            let (found, around) = surface.closest_and_around(&p, reach, Some(7), margin);
+            assert_eq!(found, surface.closest(&p, reach, None));
+            for _ in 0..10 {
+                let time = start + 0.1 * random.signed();
+                surface.set_step(0.0, time);
+                let place =
+                    p + (b[vertex] - a[vertex]) * (surface.end - around.time) + random.vector() * (0.5 * margin);
+                match surface.closest_among(&around, &place, reach) {
+                    Some(answer) => {
+                        assert_eq!(
+                            answer,
+                            surface.closest(&place, reach, None),
+                            "{p:?} at {start}, {place:?} at {time}"
+                        );
+                        held += 1;
+                        nothing += usize::from(answer.is_none());
+                    }
+                    None => not += 1,
+                }
+            }
+        }
+        assert!(held > least && not > 1000 && nothing > 200, "{held} {not} {nothing}");
+        // Another interval has another motion.
+        let (_, around) = surface.closest_and_around(&a[0], 1.0, None, 0.01);
+        assert!(surface.closest_among(&around, &a[0], 1.0).is_some());
+        surface.set_samples(1.0, b, 2.0, &a).unwrap();
+        surface.set_step(1.0, 1.0);
+        assert!(surface.closest_among(&around, &a[0], 1.0).is_none());
+    }
+}
+
+#[test]
 fn a_pseudo_normal_does_not_depend_on_how_the_sides_are_cut_into_triangles() {
     let (triangles, corners) = cube();
     let surface = at_rest((triangles, corners.clone()));
