@@ -312,7 +312,7 @@ fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
             for _ in 0..solves {
                 solution.copy_from_slice(&v);
                 let start = Instant::now();
-                let outcome = cg.solve(parts, masses, &system, (&v, &mut solution), stop);
+                let outcome = cg.solve(parts, masses, &system, &mut solution, stop);
                 // The product of the first residual is spread over the iterations.
                 seconds += start.elapsed().as_secs_f64() / outcome.iterations as f64;
             }

@@ -76,7 +76,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: false,
         keeps_acceleration: false,
         strain_per_step: 0.1,
-        version: 1,
+        version: 0,
         unused: &[UnusedKey {
             key: "steps_per_frame",
             because: "it sets the steps of `tr_bdf2` only",

@@ -1,8 +1,8 @@
 //! Matrix-free, projected conjugate gradients for `(I - h M⁻¹ G) v = b` in the mass inner product
 //! (`docs/theory/step.md#the-damping-solve`).
 //!
-//! The unknowns are velocities; the residual is measured by its largest nodal length [m/s]. The initial guess satisfies every
-//! constraint; the first projected residual is `P (h M⁻¹ G v - (v - b))`.
+//! The unknowns are velocities; the residual is measured by its largest nodal length [m/s]. Because the initial guess
+//! satisfies every constraint, the first projected residual is `P h M⁻¹ G v` and the right-hand side itself is not needed.
 //! Each iteration is three passes over the parts, each reading and writing every array once. With several ranks it is two
 //! latencies: residuals are on their way to the ghosts while all ranks join the sums of these, and the directions of ghosts
 //! follow from them.
@@ -84,16 +84,16 @@ impl ConjugateGradient {
     }
 
     /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution; the ghosts are
-    /// those of their owners before and after. Of the right-hand side `b` the own vertices are read.
+    /// those of their owners before and after.
     pub fn solve(
         &mut self,
         parts: &Parts,
         masses: &[f64],
         system: &impl System,
-        (b, v): (&[Vec3], &mut [Vec3]),
+        v: &mut [Vec3],
         stop: Stop,
     ) -> Outcome {
-        let (mut rho, mut residual) = self.first_residual(parts, masses, system, (b, v));
+        let (mut rho, mut residual) = self.first_residual(parts, masses, system, v);
         let first = residual;
         let mut rho_before = f64::INFINITY;
         for iterations in 0.. {
@@ -114,25 +114,15 @@ impl ConjugateGradient {
         unreachable!("the loop ends at the largest number of iterations")
     }
 
-    /// `r = P (h M⁻¹ G v - (v - b))`, which is also the first direction `s`; returns `<r, r>` and the largest nodal residual.
-    fn first_residual(
-        &mut self,
-        parts: &Parts,
-        masses: &[f64],
-        system: &impl System,
-        (b, v): (&[Vec3], &[Vec3]),
-    ) -> (f64, f64) {
+    /// `r = P h M⁻¹ G v`, which is also the first direction `s`; returns `<r, r>` and the largest nodal residual.
+    fn first_residual(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &[Vec3]) -> (f64, f64) {
         let vectors = (PerVertex(&mut self.r[parts.own()]), PerVertex(&mut self.s[parts.own()]));
         let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
         parts.for_each((vectors, blocks), &|part, ((r, s), (dots, residuals))| {
-            let range = parts.ranges()[part].clone();
             system.damping(part, v, r.0);
-            for (r, (v, b)) in r.0.iter_mut().zip(v[range.clone()].iter().zip(&b[range.clone()])) {
-                *r -= v - b;
-            }
             system.project(part, r.0);
             s.0.copy_from_slice(r.0);
-            measure(&masses[range], r.0, dots.0, residuals.0);
+            measure(&masses[parts.ranges()[part].clone()], r.0, dots.0, residuals.0);
         });
         let norms = self.norms(parts);
         parts.ghost_places().for_each(|ghost| self.s[ghost] = self.r[ghost]);

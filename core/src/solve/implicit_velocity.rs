@@ -143,8 +143,8 @@ impl VelocityProblem<'_> {
         self.effective_masses.unwrap_or(self.masses)
     }
 
-    /// Solves from `v`; the solution goes to `out`, `b = (M v + h F) / (M + h c)` to `explicit`, which holds the change by damping
-    /// with which the initial guess is b + change. Forces remember the directions at `x`.
+    /// Solves from `v`; the solution goes to `out`, `b = (M v + h F) / (M + h c)` to `explicit`. Forces remember the directions
+    /// at `x`.
     pub fn solve(
         &self,
         forces: &mut PartForces,
@@ -164,14 +164,16 @@ impl VelocityProblem<'_> {
             let f = view.update(&mut forces.0[0], &mut f);
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
             for (((f, m), v), (b, out)) in sums {
-                // Until the guess is made, `out` keeps the change.
-                *out = std::mem::replace(b, v + Vec3::from(*f * (self.half_step / m)));
+                *b = v + Vec3::from(*f * (self.half_step / m));
+                *out = *b;
             }
             if let Some(effective) = self.effective_masses {
-                let slowed = explicit.0.iter_mut().zip(masses.iter().zip(&effective[range.clone()]));
-                slowed.for_each(|(b, (mass, effective))| *b *= mass / effective);
+                let slowed = explicit.0.iter_mut().zip(&mut *out.0).zip(masses.iter().zip(&effective[range.clone()]));
+                for ((b, out), (mass, effective)) in slowed {
+                    *b *= mass / effective;
+                    *out = *b;
+                }
             }
-            out.0.iter_mut().zip(&*explicit.0).for_each(|(out, b)| *out += b);
             if let Some(contacts) = self.contacts {
                 contacts.set_velocities(range.start, out.0);
             }
@@ -182,8 +184,7 @@ impl VelocityProblem<'_> {
             stop_held(self.held, range.start, out.0);
         });
         self.parts.halo().update(self.parts.ranks(), out);
-        let system = DampingSystem { problem: self, forces };
-        cg.solve(self.parts, self.masses_of_solve(), &system, (explicit, out), self.stop)
+        cg.solve(self.parts, self.masses_of_solve(), &DampingSystem { problem: self, forces }, out, self.stop)
     }
 
     /// Undoes the projection: `v ← b + h M⁻¹ G v_cg`, so that constrained vertices get back the velocity that the forces

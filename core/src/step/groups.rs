@@ -138,8 +138,7 @@ pub(crate) struct Scratch {
     pub(super) x_new: Vec<Vec3>,
     /// (x + x')/2 [m].
     pub(super) x_middle: Vec<Vec3>,
-    /// The explicit part of a solve, v + dt/2 · M⁻¹F; between the two solves of a step the change by damping that B.1 has found
-    /// [m/s].
+    /// The explicit part of a solve, v + dt/2 · M⁻¹F [m/s].
     pub(super) explicit: Vec<Vec3>,
     /// Masses of the solves where a force has a drag on each vertex.
     pub(super) effective_masses: EffectiveMasses,

@@ -91,13 +91,7 @@ impl<'a> Step<'a> {
             let effective_masses = effective_masses.get();
             let at = Evaluation { fraction: 0.0, x, v, effective_masses, prescribed, volumes, wind, contacts: None };
             let problem = solves.at(at);
-            explicit.fill(Vec3::zeros());
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
-            if outcome.finite {
-                // B.5 starts with the change by damping that B.1 has found; bodies and repulsion have changed v½ by then.
-                let (b, v) = (&mut explicit[parts.own()], &v_half[parts.own()]);
-                b.iter_mut().zip(v).for_each(|(b, v)| *b = v - *b);
-            }
             report.add(outcome, "B.1", (parts, m), || cg.unsolved(parts, solves.settings.stop));
         });
     }
