@@ -505,12 +505,13 @@ impl Search<'_> {
 
     /// The same for a surface; `None` if the vertex cannot touch it.
     fn nearest_on_surface(&mut self, (body, slot): (usize, usize), place: &Vec3) -> Option<Option<BodyPoint>> {
+        // Whether triangles that were near answer is not counted: a resumed run keeps others.
+        self.counts.queries += 1;
         let (bodies, reach) = (self.step.bodies, self.reach(body, slot)?);
         let memory = &mut self.memory[slot];
         if let Some(found) = bodies.closest_among(body, &memory.around, place, reach) {
             return Some(found);
         }
-        self.counts.queries += 1;
         let margin = NEIGHBOURHOOD * self.properties[body].offset;
         let (found, around) = bodies.closest_and_around(body, place, (reach, margin), Some(memory.hint));
         memory.around = around;
