@@ -5,7 +5,7 @@ import math
 from measure.page import Table
 from measure.runs import LONG, SHORT, TODAY, against, alternating, plan, run
 from measure.scenes import (HOWTO, TESTS, cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, sample, twisted,
-                            woman)
+                            with_parameters, woman)
 
 PAGE = "dev/measurements/speed.md"
 PREVIEW = ('solver.preset="preview"',)
@@ -73,6 +73,24 @@ def sheets(name, make, bars):
     rows = {f"{name}_{n // 1000}k": (f"{what}, {n:,} triangles", shot(lambda n=n: make(CELLS[n]), (0, 48), bar))
             for n, bar in zip(CELLS, bars)}
     return {**rows, f"growth_{name}": (f"cost of a frame by triangles, {kind}", growth(make, (0, 48), 1.1))}
+
+
+def price(make, frames, bar):
+    """A whole shot of wound or squeezed cloth with the integrator that it takes by itself; the bar is a factor."""
+
+    def measure():
+        earlier, made = against(make(), frames, [()])
+        factor = earlier.a_frame() / made.a_frame() if earlier else 0.0
+        counts = [made.count(name) for name in ("zone_fallbacks", "pairs_pinched")]
+        return [len(made.frames), seconds(earlier.a_frame()) if earlier else "", seconds(made.a_frame()), f"{factor:.1f}", bar, yes(factor >= bar),
+                f"{made.steps}, {made.retried()}", *counts, made.crossings()]
+
+    return measure
+
+
+def without_checks(name):
+    """A scene of the tests in words that earlier builds know."""
+    return with_parameters((TESTS / f"{name}.toml").read_text())
 
 
 def stiffer(scene, factor):
@@ -144,6 +162,15 @@ TABLES = [
         "dressed_mannequin": ("`make demo`", chosen(mannequin, (1001, 1040))),
         "dressed_woman": ("dressed woman, light garments", chosen(lambda: woman("light"), (0, 40))),
         "poncho_on_mannequin": ("poncho on the walking mannequin", chosen(poncho, (1001, 1041))),
+    }),
+    Table(PAGE, "prices", ["frames", "earlier", "today", "factor", "bar", "met", "steps, retried", "`zone_fallbacks`", "`pairs_pinched`",
+                           "crossings"], {
+        "twister": ("twister, 12,800 triangles, 15 s", price(lambda: sample("twister", resolution=80), (0, 900), 15)),
+        "pressed_stack": ("twenty layers under a plate", price(lambda: without_checks("folded_stack"), (0, 180), 5)),
+        "two_sheets": ("two sheets that strike each other, 46,000 triangles",
+                       price(lambda: without_checks("two_sheets").replace("resolution = 24 ", "resolution = 100 "), (0, 72), 5)),
+        "ball_10k": ("spinning ball, 10,082 triangles", price(lambda: sample("spinning_ball", resolution=71), (0, 1200), 2)),
+        "ball_45k": ("spinning ball, 45,000 triangles", price(lambda: sample("spinning_ball", resolution=150), (0, 1200), 2)),
     }),
     Table(PAGE, "solver", ["iterations", "bar", "met", "how"], {
         "iterations": ("CG iterations a solve, fine woman", iterations(1, 40)),
