@@ -59,6 +59,9 @@ const PARALLEL: usize = 512;
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
+/// Bound on a distance, over the distance at which pairs act, from which on no rounding brings them to act.
+const CERTAINLY_APART: f64 = 1.01;
+
 /// Settings of the laws (`docs/theory/self_contact.md#repulsion-with-history`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Laws {
@@ -404,7 +407,12 @@ impl OrientedPair {
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
     fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
-        let (weights, normal, distance) = self.touch(laws, step.x, [ACTIVE * self.thickness; 2])?;
+        let reach = ACTIVE * self.thickness;
+        // Nine of ten pairs with a side are still apart along the line on which they were.
+        if self.pair.distance_along(&self.pair.positions(step.x), &self.axis) > CERTAINLY_APART * reach {
+            return None;
+        }
+        let (weights, normal, distance) = self.touch(laws, step.x, [reach; 2])?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.

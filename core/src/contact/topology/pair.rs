@@ -98,6 +98,13 @@ impl Pair {
         least > 0.0 && least * least > distance * distance * along.norm_squared()
     }
 
+    /// A bound from below on the distance of the pair with its nodes at `x` [m]: the one along a unit direction from the second primitive
+    /// to the first.
+    #[inline]
+    pub(crate) fn distance_along(&self, x: &[Vec3; 4], direction: &Vec3) -> f64 {
+        least_along(&self.corners(x), direction)
+    }
+
     /// A bound from below on the distance everywhere on straight paths between two positions of the nodes [m], of which the first has these
     /// closest points.
     #[inline]
@@ -138,4 +145,26 @@ impl Pair {
 #[inline]
 fn least_along([a, b, c, d]: &[Vec3; 4], along: &Vec3) -> f64 {
     a.dot(along).min(b.dot(along)).min(c.dot(along).min(d.dot(along)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::random::SplitMix64;
+
+    #[test]
+    fn the_distance_along_a_direction_is_never_more_than_the_distance() {
+        let mut random = SplitMix64::new(91);
+        let mut exact = 0;
+        for round in 0..2000 {
+            let pair = Pair { kind: KINDS[round % 2], nodes: [0, 1, 2, 3] };
+            let at = [0.0, 0.4, 0.4, 0.4].map(|apart| random.vector() + Vec3::x() * apart);
+            let (distance, direction) = (pair.closest(&at).apart.norm(), random.vector().normalize());
+            assert!(pair.distance_along(&at, &direction) <= distance * (1.0 + 1e-12), "{at:?}");
+            // It is the distance along the line of the closest points.
+            let axis = pair.closest(&at).apart / distance;
+            exact += usize::from((pair.distance_along(&at, &axis) - distance).abs() < 1e-9);
+        }
+        assert_eq!(exact, 2000);
+    }
 }
