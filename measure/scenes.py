@@ -50,9 +50,9 @@ def without_tables(text, tables):
     return "".join(kept)
 
 
-def sample(name, **parameters):
-    """A sample scene without its checks, which earlier builds do not know, with values of its parameters."""
-    return with_parameters((SAMPLES / f"{name}.toml").read_text(), **parameters)
+def sample(name, folder=SAMPLES, **parameters):
+    """A scene without its checks, which earlier builds do not know, with values of its parameters."""
+    return with_parameters((folder / f"{name}.toml").read_text(), **parameters)
 
 
 def with_parameters(text, **parameters):

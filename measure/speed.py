@@ -5,7 +5,7 @@ import math
 from measure.page import Table
 from measure.runs import LONG, SHORT, TODAY, against, alternating, plan, run
 from measure.scenes import (HOWTO, TESTS, cape_at_rest, draped, fifty_sheets, hung, layers_on_a_ball, mannequin, poncho, sample, twisted,
-                            with_parameters, woman)
+                            woman)
 
 PAGE = "dev/measurements/speed.md"
 PREVIEW = ('solver.preset="preview"',)
@@ -88,11 +88,6 @@ def price(make, frames, bar):
     return measure
 
 
-def without_checks(name):
-    """A scene of the tests in words that earlier builds know."""
-    return with_parameters((TESTS / f"{name}.toml").read_text())
-
-
 def stiffer(scene, factor):
     """Settings that make what resists stretching stiffer by a factor, from what the plan says that there is."""
     settings = []
@@ -166,9 +161,9 @@ TABLES = [
     Table(PAGE, "prices", ["frames", "earlier", "today", "factor", "bar", "met", "steps, retried", "`zone_fallbacks`", "`pairs_pinched`",
                            "crossings"], {
         "twister": ("twister, 12,800 triangles, 15 s", price(lambda: sample("twister", resolution=80), (0, 900), 15)),
-        "pressed_stack": ("twenty layers under a plate", price(lambda: without_checks("folded_stack"), (0, 180), 5)),
+        "pressed_stack": ("twenty layers under a plate", price(lambda: sample("folded_stack", TESTS), (0, 180), 5)),
         "two_sheets": ("two sheets that strike each other, 46,000 triangles",
-                       price(lambda: without_checks("two_sheets").replace("resolution = 24 ", "resolution = 100 "), (0, 72), 5)),
+                       price(lambda: sample("two_sheets", TESTS).replace("resolution = 24 ", "resolution = 100 "), (0, 72), 5)),
         "ball_10k": ("spinning ball, 10,082 triangles", price(lambda: sample("spinning_ball", resolution=71), (0, 1200), 2)),
         "ball_45k": ("spinning ball, 45,000 triangles", price(lambda: sample("spinning_ball", resolution=150), (0, 1200), 2)),
     }),
