@@ -294,6 +294,11 @@ impl MovingSurface {
         all.extend(a.iter().zip(b).map(|(a, b)| between(a, b, share)));
     }
 
+    /// Fastest point between the samples [m/s].
+    pub(crate) fn fastest(&self) -> f64 {
+        self.motion.fastest()
+    }
+
     /// Whether it is inside out at the end of the step, so that its sides are exchanged.
     pub(crate) fn is_turned(&self) -> bool {
         self.turned

@@ -492,30 +492,22 @@ impl Search<'_> {
         if let Some((_, found)) = self.known(body, from).answer.filter(|(asked, _)| asked == place) {
             return found;
         }
+        let bodies = self.step.bodies;
         let found = match self.slots[body] {
-            Some(slot) => self.nearest_on_surface((body, slot), place)?,
-            None => self.step.bodies.closest(body, from, place, f64::INFINITY, None),
+            Some(slot) => {
+                // Also where a neighbourhood answers: a resumed run has others.
+                self.counts.queries += 1;
+                let (reach, margin) = (self.reach(body, slot)?, NEIGHBOURHOOD * self.properties[body].offset);
+                let ClosestCache { hint, around, .. } = &mut self.memory[slot];
+                bodies.closest_near(body, place, (reach, margin), Some(*hint), around)
+            }
+            None => bodies.closest(body, from, place, f64::INFINITY, None),
         };
         self.known(body, from).answer = Some((*place, found));
         if let (Some(slot), Some(at)) = (self.slots[body], found) {
             self.memory[slot].hint = at.triangle;
         }
         found
-    }
-
-    /// The same for a surface; `None` if the vertex cannot touch it.
-    fn nearest_on_surface(&mut self, (body, slot): (usize, usize), place: &Vec3) -> Option<Option<BodyPoint>> {
-        // Whether triangles that were near answer is not counted: a resumed run keeps others.
-        self.counts.queries += 1;
-        let (bodies, reach) = (self.step.bodies, self.reach(body, slot)?);
-        let memory = &mut self.memory[slot];
-        if let Some(found) = bodies.closest_among(body, &memory.around, place, reach) {
-            return Some(found);
-        }
-        let margin = NEIGHBOURHOOD * self.properties[body].offset;
-        let (found, around) = bodies.closest_and_around(body, place, (reach, margin), Some(memory.hint));
-        memory.around = around;
-        Some(found)
     }
 
     /// Distance of a body at the start of the step [m], where the vertex was at `x`.

@@ -85,8 +85,6 @@ struct Surface {
     passed: DeepParts,
     /// Points of parts that lie in each other from the start of the run on.
     joined: Vec<u32>,
-    /// Fastest point between the samples [m/s].
-    speed: f64,
     /// Duration of a frame [s].
     frame: f64,
 }
@@ -307,32 +305,23 @@ impl Bodies {
         }
     }
 
-    /// The same of a surface, and the triangles around that place that are up to `margin` [m] farther away.
-    pub(crate) fn closest_and_around(
+    /// The answer of [`Bodies::closest`] for a surface, from a neighbourhood if it holds it; otherwise by a search, which makes the
+    /// neighbourhood anew with a margin. `None` for other bodies.
+    pub(crate) fn closest_near(
         &self,
         body: usize,
         x: &Vec3,
         (reach, margin): (f64, f64),
         hint: Option<u32>,
-    ) -> (Option<BodyPoint>, Neighbourhood) {
-        let Kind::Surface(surface) = &self.list[body] else {
-            return (self.closest(body, x, x, reach, hint), Neighbourhood::NONE);
-        };
-        let (found, around) = surface.mesh.closest_and_around(x, reach, hint, margin);
-        (found.map(|found| surface.body_point(&found, x, self.dt())), around)
-    }
-
-    /// The answer of [`Bodies::closest`] for a surface, if a neighbourhood holds it.
-    pub(crate) fn closest_among(
-        &self,
-        body: usize,
-        around: &Neighbourhood,
-        x: &Vec3,
-        reach: f64,
-    ) -> Option<Option<BodyPoint>> {
+        around: &mut Neighbourhood,
+    ) -> Option<BodyPoint> {
         let Kind::Surface(surface) = &self.list[body] else { return None };
-        let found = surface.mesh.closest_among(around, x, reach)?;
-        Some(found.map(|found| surface.body_point(&found, x, self.dt())))
+        let found = surface.mesh.closest_among(around, x, reach).unwrap_or_else(|| {
+            let (found, anew) = surface.mesh.closest_and_around(x, reach, hint, margin);
+            *around = anew;
+            found
+        });
+        found.map(|found| surface.body_point(&found, x, self.dt()))
     }
 
     /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
@@ -448,7 +437,7 @@ impl Bodies {
     /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
     pub(crate) fn fastest(&self, body: usize) -> f64 {
         match &self.list[body] {
-            Kind::Surface(surface) => surface.speed,
+            Kind::Surface(surface) => surface.mesh.fastest(),
             Kind::Rigid(_) => f64::INFINITY,
         }
     }
@@ -494,7 +483,6 @@ impl Kind {
                     deep_at_frame: DeepParts::default(),
                     passed: DeepParts::default(),
                     joined: Vec::new(),
-                    speed: 0.0,
                     frame,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
@@ -526,9 +514,6 @@ impl Surface {
         let (a, b) = (&self.latest, &sample);
         self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;
         let span = b.time - a.time;
-        let farthest =
-            a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
-        self.speed = if span > 0.0 { farthest / span } else { 0.0 };
         self.crossings.swap(0, 1);
         self.crossings[1] = PartCrossings::of(&self.mesh, &b.positions);
         let [x, y] = [&a.positions, &b.positions];

@@ -408,7 +408,7 @@ impl OrientedPair {
     #[inline]
     fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
         let reach = ACTIVE * self.thickness;
-        // Nine of ten pairs with a side are still apart along the line on which they were.
+        // A bound that costs less than the distance: along the line of the closest points at A.
         if self.pair.distance_along(&self.pair.positions(step.x), &self.axis) > CERTAINLY_APART * reach {
             return None;
         }

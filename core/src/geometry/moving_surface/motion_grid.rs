@@ -47,7 +47,8 @@ impl MotionGrid {
         self.velocities.resize(self.counts.iter().product(), Aabb::EMPTY);
         self.everywhere = Aabb::EMPTY;
         let speed = if duration > 0.0 { 1.0 / duration } else { 0.0 };
-        self.fastest = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared()).fold(0.0, f64::max).sqrt() * speed;
+        let farthest = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared()).fold(0.0, f64::max).sqrt();
+        self.fastest = if duration > 0.0 { farthest / duration } else { 0.0 };
         for corners in triangles {
             let (mut path, mut velocity) = (Aabb::EMPTY, Aabb::EMPTY);
             for point in corners {
