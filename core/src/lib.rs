@@ -190,12 +190,15 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 #[doc(hidden)]
 pub const SOLVER_VERSION: u32 = 10;
 
-/// Version of the results of scenes with this integrator.
+/// Version of the results of scenes with this integrator; [`Auto`](scene::Integrator::Auto) stands for a simulation that may change from one
+/// to another.
 ///
 /// ```
 /// use drapery_core::{Integrator, solver_version};
 /// assert!(Integrator::ALL.iter().all(|integrator| solver_version(*integrator) >= solver_version(Integrator::SemiImplicit)));
 /// ```
 pub fn solver_version(integrator: scene::Integrator) -> u32 {
-    SOLVER_VERSION + integrator.spec().version
+    let versions = |integrators: &[scene::Integrator]| integrators.iter().map(|one| one.spec().version).sum::<u32>();
+    let is_any = integrator == scene::Integrator::Auto;
+    SOLVER_VERSION + if is_any { versions(&scene::Integrator::ALL) } else { versions(&[integrator]) }
 }

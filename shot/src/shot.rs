@@ -11,7 +11,7 @@ use drapery_core::error::Problems;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::gather::VertexField;
-use drapery_core::scene::{Scene, Timeline};
+use drapery_core::scene::{Integrator, Scene, Timeline};
 use drapery_core::simulation::Simulation;
 use drapery_io::attributes::{Attribute, PointAttributes};
 use drapery_io::cache::{APPLICATION, CachePlan};
@@ -287,7 +287,9 @@ impl Shot {
     pub fn fingerprint(&self) -> Result<Fingerprint, IoError> {
         let about = &self.about;
         let (format, application) = (FORMAT_VERSION, APPLICATION);
-        let integrator = self.simulation().scene().description().solver.integrator;
+        let scene = self.simulation().scene();
+        let chosen = scene.description().solver.integrator;
+        let integrator = if scene.may_change_integrator() { Integrator::Auto } else { chosen };
         let (solver, integrator) = (drapery_core::solver_version(integrator), integrator.word());
         let versions = Versions { solver, integrator, format, application };
         let of_files = Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)?;

@@ -280,6 +280,13 @@ fn checkpoints(run: &RunFolder) -> String {
     text
 }
 
+/// Returns the integrator of a run, and the frames behind which it changed.
+fn integrators(run: &RunFolder) -> String {
+    let first = run.record.header.integrator.clone();
+    let changes = run.record.frames.iter().filter_map(|row| Some((row.frame, row.next_integrator.as_ref()?)));
+    changes.fold(first, |text, (frame, next)| format!("{text}, {next} from frame {} on", frame + 1))
+}
+
 /// Returns a table of the scene that was run, and of the command and the program that ran it.
 pub(super) fn provenance(run: &RunFolder) -> String {
     let manifest = &run.manifest;
@@ -289,7 +296,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         ("scene", manifest.scene.clone()),
         ("command", manifest.command.clone().unwrap_or_default()),
         ("program", manifest.application.clone()),
-        ("integrator", run.record.header.integrator.clone()),
+        ("integrator", integrators(run)),
         ("threads", manifest.threads.to_string()),
         ("caches", format!("{} (lengths in {}, {} up)", files.join(", "), manifest.length_unit, manifest.up_axis)),
     ];

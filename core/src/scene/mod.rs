@@ -372,6 +372,8 @@ pub struct Scene {
     pub(crate) painted: Vec<PaintedMaps>,
     /// Triangles of each analytic body that edges and faces of cloth meet; empty until they are known.
     pub(crate) shape_meshes: Arc<Vec<Option<ShapeMesh>>>,
+    /// Expected CPU seconds of a frame with each of [`Integrator::ALL`], in scenes whose integrator may change between frames.
+    pub(crate) integrator_costs: Option<[f64; 2]>,
     /// Shared by all forms of the scene: with other numbers, and with parts on other ranks.
     pub(crate) identity: Arc<()>,
 }
@@ -405,6 +407,12 @@ impl Scene {
     /// The description that this scene was made from, without the arrays of garments and pins.
     pub fn description(&self) -> &SceneDescription {
         &self.description
+    }
+
+    /// Whether the integrator may change between frames: the scene leaves it to the solver, and started with long steps
+    /// ([`Integrator::Auto`]). Known once a simulation was made of it.
+    pub fn may_change_integrator(&self) -> bool {
+        self.integrator_costs.is_some()
     }
 
     /// Whether the other is this scene, perhaps with other numbers or with parts on other ranks.

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::integrator_change::take_saved_integrator;
+use super::integrator_choice::choose_integrator;
 use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::error::Problems;
@@ -30,7 +32,8 @@ pub(super) struct Room {
 }
 
 /// All rooms, in the order of their sections in a snapshot.
-static ROOMS: [Room; 7] = [
+static ROOMS: [Room; 8] = [
+    Room { save: Simulation::save_integrator, restore: Simulation::restore_integrator },
     Room { save: |simulation| Some(simulation.save_state()), restore: Simulation::restore_state },
     Room { save: Simulation::save_pins, restore: Simulation::restore_pins },
     Room { save: |simulation| simulation.contacts.bodies.as_ref()?.save(), restore: Simulation::restore_collision },
@@ -109,7 +112,10 @@ impl Simulation {
         start: &FrameInput,
         mut source: Option<&mut dyn SnapshotSource>,
     ) -> Result<Self, RestoreError> {
-        let mut simulation = Self::build(scene.into(), start).map_err(RestoreError::Problems)?;
+        let mut scene = scene.into();
+        choose_integrator(&mut scene).map_err(RestoreError::Problems)?;
+        take_saved_integrator(&mut scene, source.as_deref_mut())?;
+        let mut simulation = Self::build(scene, start).map_err(RestoreError::Problems)?;
         // What a new simulation remembers says what there is to read.
         let mut memory = simulation.saved_sections();
         let numbers = simulation.prescribed.targets.numbers();
@@ -163,7 +169,8 @@ impl Simulation {
         };
         take("positions", &mut state.x);
         take("velocities", &mut state.v);
-        if scene.description().solver.integrator.spec().keeps_acceleration {
+        // The frames before may have had short steps, which keep none.
+        if scene.description().solver.integrator.spec().keeps_acceleration && section.has("accelerations") {
             take("accelerations", &mut state.a);
         }
         prescribed.bodies.set_step(state.time, state.time);

@@ -14,10 +14,11 @@
 //! Source of all numbers here: `make measure NAME=plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
 
 use super::Simulation;
+use super::frame_cost::SceneSizes;
 use crate::Vec3;
 use crate::effects::registry::{PlannedEffect, find};
 use crate::effects::spec::{NANOSECONDS, Need};
-use crate::scene::{BodyShape, Integrator, Scene, SolverSettings};
+use crate::scene::{Integrator, Scene, SolverSettings};
 use crate::solve::implicit_velocity::PartForces;
 use crate::time_step::StepLimit;
 use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
@@ -101,15 +102,6 @@ const STIFFNESS_POWER: f64 = 0.45;
 const FREE_ITERATIONS: f64 = 1.5;
 const CONTACT_ITERATIONS: f64 = 4.0;
 
-/// Sizes that an estimate takes into account.
-struct Sizes {
-    vertices: f64,
-    triangles: f64,
-    surface_triangles: f64,
-    shapes: f64,
-    surfaces: f64,
-}
-
 /// The parts of a simulation that the cost of its frames follows from.
 pub(super) struct CostModel<'a> {
     pub scene: &'a Scene,
@@ -137,7 +129,7 @@ impl CostModel<'_> {
     pub(super) fn estimate(&self, integrator: Integrator) -> FrameEstimate {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
-        let sizes = self.sizes();
+        let sizes = SceneSizes::of(self.scene);
         let has = |need: Need| self.plan.iter().any(|effect| effect.needs.contains(&need));
         let repels = has(Need::ClothSurface);
         // Wind folds cloth, pins alone let it hang.
@@ -197,35 +189,6 @@ impl CostModel<'_> {
         [solves, solves * DAMPING_ITERATIONS * (1.0 + condition).sqrt()]
     }
 
-    fn sizes(&self) -> Sizes {
-        let of_surface = |shape: &BodyShape| match shape {
-            BodyShape::Surface { triangles, .. } => Some(triangles.len() as f64),
-            BodyShape::Rigid(_) => None,
-        };
-        let bodies = &self.scene.description().bodies;
-        let surfaces: Vec<f64> = bodies.iter().filter_map(|body| of_surface(&body.shape)).collect();
-        Sizes {
-            vertices: self.scene.parts().partition().vertex_count() as f64,
-            triangles: self.triangle_count(),
-            surface_triangles: surfaces.iter().sum(),
-            shapes: (bodies.len() - surfaces.len()) as f64,
-            surfaces: surfaces.len() as f64,
-        }
-    }
-
-    /// Triangles of all garments, on all ranks.
-    fn triangle_count(&self) -> f64 {
-        let parts = self.scene.parts();
-        // A rank has the triangles around its own vertices, so that each corner is counted by one rank.
-        let corners = self.scene.meshes().iter().enumerate().flat_map(|(garment, mesh)| {
-            let first = parts.garment(garment).start;
-            mesh.triangles().iter().flatten().map(move |corner| first + *corner as usize)
-        });
-        let own = corners.filter(|vertex| parts.own().contains(vertex)).count() as u64;
-        let [all] = parts.ranks().sum_of([own]);
-        (all / 3) as f64
-    }
-
     /// Longest step that elastic forces would allow if all of them were explicit [s], at most a frame.
     fn spring_step(&self) -> f64 {
         self.limit(Integrator::SemiImplicit).elastic.min(self.scene.description().timeline.frame_duration())
@@ -253,7 +216,7 @@ impl CostModel<'_> {
     }
 }
 
-impl Sizes {
+impl SceneSizes {
     /// Nanoseconds of so many solves and iterations of the implicit step.
     fn of_long_solves(&self, [solves, iterations]: [f64; 2], repels: bool) -> f64 {
         let of_solve = BLOCK_SOLVE + if repels { self.surfaces * SURFACE_PAIRS } else { 0.0 };

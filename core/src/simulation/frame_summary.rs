@@ -1,18 +1,120 @@
-//! Quantities measured at the end of a frame, over all ranks.
+//! Summary of a frame: what is measured at its end, over all ranks.
 
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-use super::recovery::is_finite;
-use super::{FrameSummary, GarmentStrains, Simulation, StrainRecord};
+use super::overstretched::Overstretched;
+use super::recovery::{Recovery, is_finite};
+use super::{Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
 use crate::mesh::TriangleMesh;
+use crate::metrics::Metrics;
 use crate::parallel::message::codec;
 use crate::parallel::reduce::weighted_dot;
+use crate::scene::Integrator;
 use crate::state::State;
 use crate::step::Dynamics;
+
+/// Strains of a garment's edges at the end of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GarmentStrains {
+    /// Name of the garment.
+    pub garment: String,
+    /// Relative change of length of its most stretched edge.
+    pub largest: f64,
+    /// The same of the edge that one in a thousand exceeds.
+    pub p99_9: f64,
+}
+
+/// Summary of one frame: steps, counts, strains and energies.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::{FrameInput, Scene, Simulation};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// let summary = simulation.advance(&FrameInput::to_frame(1)).expect("a step of free fall");
+/// // ½ m (g t)² of 0.1 kg.
+/// assert!((summary.kinetic_energy - 0.05 * (9.81_f64 / 24.0).powi(2)).abs() < 1e-12);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameSummary {
+    /// The frame reached.
+    pub frame: i64,
+    /// Time steps.
+    pub steps: u64,
+    /// Shortest step [s].
+    pub dt_min: f64,
+    /// Longest step [s].
+    pub dt_max: f64,
+    /// Iterations of all damping solves.
+    pub cg_iterations: u64,
+    /// Seconds by stage, and counts.
+    pub metrics: Metrics,
+    /// The most stretched edge at the end of the frame.
+    pub max_strain: Option<StrainRecord>,
+    /// Strains of each garment's edges at the end of the frame, if any effect resists stretching.
+    pub strains: Vec<GarmentStrains>,
+    /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
+    pub between_pins: Option<StrainRecord>,
+    /// Cloth that is longer than cloth can be at the end of the frame.
+    pub overstretched: Option<Overstretched>,
+    /// Kinetic energy at the end of the frame [J].
+    pub kinetic_energy: f64,
+    /// Potential energy at the end of the frame [J].
+    pub potential_energy: f64,
+    /// Pairs of body triangles that cross each other at the frame.
+    pub body_self_crossings: u64,
+    /// The first of the steps that went wrong, and what was done about them.
+    pub recoveries: Vec<Recovery>,
+    /// Attachments that broke on the way to the frame, by their vertices.
+    pub broken: Vec<BrokenHold>,
+    /// The integrator of the frames behind this one, if it is another from there on ([`Integrator::Auto`]).
+    pub next_integrator: Option<Integrator>,
+}
+
+impl FrameSummary {
+    /// Nothing done yet on the way to a frame.
+    pub fn empty(frame: i64) -> Self {
+        Self {
+            frame,
+            steps: 0,
+            dt_min: f64::INFINITY,
+            dt_max: 0.0,
+            cg_iterations: 0,
+            metrics: Metrics::default(),
+            max_strain: None,
+            strains: Vec::new(),
+            between_pins: None,
+            overstretched: None,
+            kinetic_energy: 0.0,
+            potential_energy: 0.0,
+            body_self_crossings: 0,
+            recoveries: Vec::new(),
+            broken: Vec::new(),
+            next_integrator: None,
+        }
+    }
+
+    /// Puts what was done before a pause in front of this.
+    #[must_use]
+    pub fn after(mut self, earlier: &Self) -> Self {
+        self.steps += earlier.steps;
+        self.dt_min = self.dt_min.min(earlier.dt_min);
+        self.dt_max = self.dt_max.max(earlier.dt_max);
+        self.cg_iterations += earlier.cg_iterations;
+        let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
+        self.metrics.add(&later);
+        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
+        self
+    }
+}
 
 /// One edge in so many is left out of [`GarmentStrains::p99_9`].
 const EDGES_FOR_ONE: u64 = 1000;

@@ -1,5 +1,7 @@
 //! Choice of the integrator in scenes that leave it to the solver (`docs/theory/tr_bdf2.md#when-long-steps-pay`).
 
+use std::sync::Arc;
+
 use super::estimate::{CostModel, FrameEstimate};
 use crate::effects::registry::{PlannedEffect, build_all};
 use crate::effects::spec::Effect;
@@ -14,11 +16,16 @@ use crate::state::State;
 const GAIN_IN_CONTACT: f64 = 1.5;
 
 /// Gives a scene the integrator that is expected to take less time, among those that read everything the scene says. Sizes and stiffness
-/// decide, never the clock. All ranks call it together, and choose the same.
+/// decide, never the clock. One that starts with long steps may [change](super::integrator_change) between frames. A scene that names its
+/// integrator keeps it. All ranks call it together, and choose the same.
 ///
 /// # Errors
 /// No integrator can have this scene: the problems with the one that has fewer.
-pub(super) fn choose_integrator(scene: &mut Scene) -> Result<(), Problems> {
+pub(super) fn choose_integrator(scene: &mut Arc<Scene>) -> Result<(), Problems> {
+    if scene.description().solver.integrator != Integrator::Auto {
+        return Ok(());
+    }
+    let scene = Arc::make_mut(scene);
     let [short, long] = Integrator::ALL.map(|integrator| {
         scene.description.solver.integrator = integrator;
         expected(scene)
@@ -26,7 +33,10 @@ pub(super) fn choose_integrator(scene: &mut Scene) -> Result<(), Problems> {
     let takes_long = match (short, long) {
         (Ok(short), Ok(long)) => {
             let gain = if long.is_least { GAIN_IN_CONTACT } else { 1.0 };
-            short.total() >= gain * long.total()
+            let costs = [short.total(), long.total()];
+            let takes_long = costs[0] >= gain * costs[1];
+            scene.integrator_costs = takes_long.then_some(costs);
+            takes_long
         }
         (Err(_), Ok(_)) => true,
         (Ok(_), Err(_)) => false,

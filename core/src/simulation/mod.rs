@@ -16,7 +16,7 @@ use crate::observe::Observer;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::by_part;
 use crate::state::State;
@@ -30,8 +30,10 @@ mod checkpoint;
 mod collision_step;
 mod cost;
 mod estimate;
+mod frame_cost;
 pub(crate) mod frame_io;
 mod frame_summary;
+mod integrator_change;
 mod integrator_choice;
 mod load_balance;
 mod lowered_thickness;
@@ -50,7 +52,8 @@ pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
 pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
-pub use frame_summary::{BrokenHold, HoldOwner};
+pub use frame_summary::{BrokenHold, FrameSummary, GarmentStrains, HoldOwner};
+use integrator_change::IntegratorChange;
 use integrator_choice::choose_integrator;
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
@@ -102,102 +105,6 @@ pub struct StrainRecord {
     pub vertices: [u32; 2],
     /// Relative change of its length.
     pub strain: f64,
-}
-
-/// Strains of a garment's edges at the end of a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GarmentStrains {
-    /// Name of the garment.
-    pub garment: String,
-    /// Relative change of length of its most stretched edge.
-    pub largest: f64,
-    /// The same of the edge that one in a thousand exceeds.
-    pub p99_9: f64,
-}
-
-/// Summary of one frame: steps, counts, strains and energies.
-///
-/// ```
-/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
-/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
-/// # let mut description = SceneDescription::new("fall");
-/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
-/// # description.effects.push(EffectRequest::of_scene("gravity"));
-/// use drapery_core::{FrameInput, Scene, Simulation};
-/// let scene = Scene::validate(description).expect("a valid scene");
-/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
-/// let summary = simulation.advance(&FrameInput::to_frame(1)).expect("a step of free fall");
-/// // ½ m (g t)² of 0.1 kg.
-/// assert!((summary.kinetic_energy - 0.05 * (9.81_f64 / 24.0).powi(2)).abs() < 1e-12);
-/// ```
-#[derive(Debug, Clone, PartialEq)]
-pub struct FrameSummary {
-    /// The frame reached.
-    pub frame: i64,
-    /// Time steps.
-    pub steps: u64,
-    /// Shortest step [s].
-    pub dt_min: f64,
-    /// Longest step [s].
-    pub dt_max: f64,
-    /// Iterations of all damping solves.
-    pub cg_iterations: u64,
-    /// Seconds by stage, and counts.
-    pub metrics: Metrics,
-    /// The most stretched edge at the end of the frame.
-    pub max_strain: Option<StrainRecord>,
-    /// Strains of each garment's edges at the end of the frame, if any effect resists stretching.
-    pub strains: Vec<GarmentStrains>,
-    /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
-    pub between_pins: Option<StrainRecord>,
-    /// Cloth that is longer than cloth can be at the end of the frame.
-    pub overstretched: Option<Overstretched>,
-    /// Kinetic energy at the end of the frame [J].
-    pub kinetic_energy: f64,
-    /// Potential energy at the end of the frame [J].
-    pub potential_energy: f64,
-    /// Pairs of body triangles that cross each other at the frame.
-    pub body_self_crossings: u64,
-    /// The first of the steps that went wrong, and what was done about them.
-    pub recoveries: Vec<Recovery>,
-    /// Attachments that broke on the way to the frame, by their vertices.
-    pub broken: Vec<BrokenHold>,
-}
-
-impl FrameSummary {
-    /// Nothing done yet on the way to a frame.
-    pub fn empty(frame: i64) -> Self {
-        Self {
-            frame,
-            steps: 0,
-            dt_min: f64::INFINITY,
-            dt_max: 0.0,
-            cg_iterations: 0,
-            metrics: Metrics::default(),
-            max_strain: None,
-            strains: Vec::new(),
-            between_pins: None,
-            overstretched: None,
-            kinetic_energy: 0.0,
-            potential_energy: 0.0,
-            body_self_crossings: 0,
-            recoveries: Vec::new(),
-            broken: Vec::new(),
-        }
-    }
-
-    /// Puts what was done before a pause in front of this.
-    #[must_use]
-    pub fn after(mut self, earlier: &Self) -> Self {
-        self.steps += earlier.steps;
-        self.dt_min = self.dt_min.min(earlier.dt_min);
-        self.dt_max = self.dt_max.max(earlier.dt_max);
-        self.cg_iterations += earlier.cg_iterations;
-        let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
-        self.metrics.add(&later);
-        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
-        self
-    }
 }
 
 /// Outcome of an advance: the frame is reached, or the simulation pauses before it.
@@ -261,6 +168,8 @@ pub struct Simulation {
     sent: Sent,
     balance: Balance,
     retry: RetryState,
+    /// Costs of frames with both integrators, where the scene may change to the other one.
+    integrator_change: Option<IntegratorChange>,
     /// Warnings about how pins hold the cloth at the start; on rank 0.
     warnings: Vec<String>,
     /// Garments that keep less than their thickness.
@@ -296,9 +205,7 @@ impl Simulation {
 
     /// The simulation with the cloth as the scene starts it, and bodies and tracks where `start` has them.
     fn build(mut scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
-        if scene.description().solver.integrator == Integrator::Auto {
-            choose_integrator(Arc::make_mut(&mut scene))?;
-        }
+        choose_integrator(&mut scene)?;
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
@@ -360,6 +267,7 @@ impl Simulation {
         let scratch = Scratch::new(&scene, &forces, [with_v_star, sees_velocities], stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
+        let integrator_change = IntegratorChange::new(&scene);
         Ok(Self {
             frame: scene.description().timeline.start,
             cloth: Cloth { state, scratch },
@@ -376,6 +284,7 @@ impl Simulation {
             sent: Sent::default(),
             balance: Balance::default(),
             retry: RetryState::default(),
+            integrator_change,
             warnings: Vec::new(),
             lowered,
             start_crossings: Vec::new(),
@@ -538,14 +447,17 @@ impl Simulation {
             let is_output = stop < to && input.output_times.contains(&stop);
             if self.run_until(stop, &mut summary, &mut pause)? || is_output {
                 self.take_counts();
+                self.note_cost();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 summary.recoveries = std::mem::take(&mut self.retry.events);
                 return Ok(Advance::Paused(summary));
             }
         }
         self.frame = input.frame;
+        self.note_cost();
         self.measure(&mut summary)?;
         self.rebalance();
+        summary.next_integrator = self.reconsider_integrator();
         Ok(Advance::Done(summary))
     }
 

@@ -301,6 +301,11 @@ impl SavedSection {
         T::of(&self.field(name).values).unwrap_or_else(|| self.lacks(name))
     }
 
+    /// Whether there is a field of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.fields.iter().any(|(known, _)| *known == name)
+    }
+
     /// The one value of the field of this name.
     pub(crate) fn single<T: Value>(&self, name: &str) -> T {
         self.values(name)[0]

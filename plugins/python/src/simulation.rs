@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 
+use drapery_core::scene::Integrator;
 use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::mesh_data::Connectivity;
@@ -78,6 +79,7 @@ fn summary_of<'py>(py: Python<'py>, summary: &FrameSummary) -> PyResult<Bound<'p
     found.set_item("kinetic_energy", summary.kinetic_energy)?;
     found.set_item("potential_energy", summary.potential_energy)?;
     found.set_item("max_strain", summary.max_strain.as_ref().map_or(0.0, |strain| strain.strain))?;
+    found.set_item("next_integrator", summary.next_integrator.map(Integrator::word))?;
     found.set_item("counts", counts(py, summary.metrics.counts())?)?;
     Ok(found)
 }

@@ -81,7 +81,8 @@ const BLOCK: usize = 1 << 20;
 pub struct Versions<'a> {
     /// `drapery_core::solver_version`: raised when results change.
     pub solver: u32,
-    /// Word of the integrator that was taken: it stands in the place of `auto`, whose choice may differ in another program.
+    /// Word of the integrator that was taken: it stands in the place of `auto`, whose choice may differ in another program. `auto` itself
+    /// where the integrator may change between frames.
     pub integrator: &'a str,
     /// Version of checkpoints.
     pub format: u32,

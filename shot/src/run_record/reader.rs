@@ -39,7 +39,7 @@ pub struct Header {
     pub application: String,
     /// Frame at which the simulation starts, before the first delivered one if there is a pre-roll.
     pub start_frame: Option<i64>,
-    /// Integrator that was taken; empty in records of earlier programs.
+    /// Integrator of the first frame; empty in records of earlier programs.
     pub integrator: String,
     /// Effects in the order of execution.
     pub effects: Vec<EffectRow>,
@@ -95,6 +95,8 @@ pub struct FrameRow {
     pub resident_bytes: Option<u64>,
     /// Recoveries from steps that went wrong, as [`recovery_line`] reads them.
     pub recoveries: Vec<Value>,
+    /// Integrator of the frames behind this one, where it changes.
+    pub next_integrator: Option<String>,
     /// Digests of what the caches hold of the frame, by garment; empty where none were recorded.
     pub digests: FrameDigests,
     /// The same of the samples between this frame and the next, by their number from 1; they have lines of their own.

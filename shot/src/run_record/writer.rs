@@ -180,6 +180,9 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
         record["overstretched"]["pinched"] = over.pinched.into();
         record["overstretched"]["bodies"] = json!(over.bodies);
     }
+    if let Some(next) = summary.next_integrator {
+        record["next_integrator"] = next.word().into();
+    }
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
     }

@@ -66,7 +66,9 @@ fn integrator_text(simulation: &Simulation) -> String {
         format!("{least}{:.2} with `{}`", estimate.total(), integrator.word())
     };
     let expected: Vec<String> = Integrator::ALL.iter().map(expected).collect();
-    format!("    integrator `{}`; expected CPU seconds a frame: {}\n", integrator.word(), expected.join(", "))
+    let changes =
+        if simulation.scene().may_change_integrator() { " at first; it may change between frames" } else { "" };
+    format!("    integrator `{}`{changes}; expected CPU seconds a frame: {}\n", integrator.word(), expected.join(", "))
 }
 
 /// Returns the cost of a frame as text: measured, or as far as it is known beforehand.
@@ -229,6 +231,7 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
             "from": costs.map_or_else(|| format!("at least, required by {}", planned.because), Costs::how),
         },
         "integrator": simulation.scene().description().solver.integrator.word(),
+        "may_change_integrator": simulation.scene().may_change_integrator(),
         "expected_seconds": Integrator::ALL
             .map(|integrator| (integrator.word(), simulation.estimate_with(integrator).total()))
             .into_iter()

@@ -98,9 +98,7 @@ pub(super) struct PairsOfKind {
     /// Upper bound on the damping time of each of `oriented` in this step [s]; for the solves of long steps.
     pub(super) damping_times: Vec<f64>,
     pub(super) order: Order,
-    /// One entry for each of `oriented`, in the order of their colours.
-    pub(super) contacts: Vec<Option<ActivePair>>,
-    /// The active ones.
-    pub(super) live: Vec<u32>,
-    pub(super) live_order: Order,
+    /// The active ones of `oriented` in a short step, in the order of their colours.
+    pub(super) active: Vec<ActivePair>,
+    pub(super) active_order: Order,
 }

@@ -112,21 +112,19 @@ impl HaloPerColour {
         }
         let starts = starts_of_sweeps(kinds);
         for (kind, (ahead, of_kind)) in self.ahead.iter_mut().zip(kinds).enumerate() {
-            let PairsOfKind { live, live_order, contacts, .. } = of_kind;
-            for (colour, range) in live_order.colours().iter().enumerate() {
+            let PairsOfKind { active, active_order, .. } = of_kind;
+            for (colour, range) in active_order.colours().iter().enumerate() {
                 let of_kind = SWEEPS.iter().zip(starts).filter(|(sweep, _)| sweep.kind as usize == kind);
                 let rounds = of_kind.map(|(_, start)| &self.rounds[start + colour]);
                 let mut sent: Vec<u32> =
                     rounds.flat_map(|round| &round.sends).flat_map(|(_, list)| list).copied().collect();
                 sent.sort_unstable();
-                let is_sent =
-                    |contacts: &ActivePair| contacts.nodes.iter().any(|node| sent.binary_search(node).is_ok());
-                let live = &mut live[range.clone()];
-                let (first, rest): (Vec<u32>, Vec<u32>) =
-                    live.iter().partition(|pair| contacts[**pair as usize].as_ref().is_some_and(is_sent));
+                let is_sent = |pair: &ActivePair| pair.nodes.iter().any(|node| sent.binary_search(node).is_ok());
+                let pairs = &mut active[range.clone()];
+                let (first, rest): (Vec<ActivePair>, Vec<ActivePair>) = pairs.iter().partition(|pair| is_sent(pair));
                 ahead.push(first.len());
-                live[..first.len()].copy_from_slice(&first);
-                live[first.len()..].copy_from_slice(&rest);
+                pairs[..first.len()].copy_from_slice(&first);
+                pairs[first.len()..].copy_from_slice(&rest);
             }
         }
     }
@@ -144,13 +142,13 @@ impl HaloPerColour {
         &self,
         ranks: &Ranks,
         (kind, colour, place): (usize, usize, usize),
-        live: &[u32],
+        pairs: &[ActivePair],
         velocities: &AtomicVectors,
-        treat: impl Fn(&[u32]),
+        treat: impl Fn(&[ActivePair]),
     ) {
         let round = self.rounds.get(place).filter(|round| !round.is_empty());
-        let Some(round) = round else { return treat(live) };
-        let (ahead, rest) = live.split_at(self.ahead[kind][colour]);
+        let Some(round) = round else { return treat(pairs) };
+        let (ahead, rest) = pairs.split_at(self.ahead[kind][colour]);
         treat(ahead);
         let exchange = round.start(ranks, velocities);
         treat(rest);
@@ -164,7 +162,7 @@ impl HaloPerColour {
 pub(super) fn starts_of_sweeps(kinds: &[PairsOfKind; 2]) -> [usize; SWEEPS.len() + 1] {
     let mut starts = [0; SWEEPS.len() + 1];
     for (sweep, Sweep { kind, .. }) in SWEEPS.iter().enumerate() {
-        starts[sweep + 1] = starts[sweep] + kinds[*kind as usize].live_order.colours().len();
+        starts[sweep + 1] = starts[sweep] + kinds[*kind as usize].active_order.colours().len();
     }
     starts
 }
@@ -225,8 +223,8 @@ impl Events {
         nodes.halo().sends().iter().flat_map(|(_, list)| list).for_each(|node| is_sent[*node as usize] = true);
         let mut all = Vec::new();
         for (kind, of_kind) in kinds.iter().enumerate() {
-            for (colour, range) in of_kind.live_order.colours().iter().enumerate() {
-                for pair in of_kind.live[range.clone()].iter().filter_map(|i| of_kind.contacts[*i as usize].as_ref()) {
+            for (colour, range) in of_kind.active_order.colours().iter().enumerate() {
+                for pair in &of_kind.active[range.clone()] {
                     let sent = pair.nodes.into_iter().filter(|node| is_sent[*node as usize]);
                     all.extend(sent.map(|node| Event { node, kind, colour, nodes: pair.nodes }));
                 }

@@ -106,13 +106,6 @@ pub(crate) struct RepulsionStep<'a> {
 /// acts, from that velocity.
 type Law<'a> = dyn Fn(&ActivePair, f64) -> Option<f64> + Sync + 'a;
 
-impl PairsOfKind {
-    /// The active pairs, in the order of their colours.
-    fn active(&self) -> impl Iterator<Item = &ActivePair> {
-        self.live.iter().filter_map(|&i| self.contacts[i as usize].as_ref())
-    }
-}
-
 /// The repulsions of a scene.
 #[derive(Debug)]
 pub(crate) struct Repulsions {
@@ -157,7 +150,8 @@ impl Repulsions {
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         let kind = |k: &PairsOfKind| {
-            k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActivePair>>() + 4)
+            k.oriented.capacity() * size_of::<OrientedPair>()
+                + k.active.capacity() * size_of::<ActivePair>()
                 + k.damping_times.capacity() * size_of::<f64>()
         };
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
@@ -188,8 +182,9 @@ impl Repulsions {
             let pieces: Vec<Vec<OrientedPair>> =
                 list.par_chunks(CHUNK).map(|chunk| chunk.iter().filter_map(near).collect()).collect();
             of_kind.oriented.clear();
-            of_kind.oriented.extend(pieces.into_iter().flatten());
-            of_kind.contacts.resize(of_kind.oriented.len(), None);
+            // Lists are long: doubling on the way would take twice the memory.
+            of_kind.oriented.reserve_exact(pieces.iter().map(Vec::len).sum());
+            pieces.into_iter().for_each(|piece| of_kind.oriented.extend(piece));
         }
         if self.place == RepulsionPlace::Impulses {
             self.sort_by_colours(nodes);
@@ -282,13 +277,16 @@ impl Repulsions {
     fn refresh(&mut self, at: &RepulsionStep<'_>) {
         let laws = self.laws;
         for of_kind in &mut self.kinds {
-            let chunks = of_kind.contacts.par_chunks_mut(CHUNK).zip(of_kind.oriented.par_chunks(CHUNK));
-            chunks.for_each(|(contacts, oriented)| {
-                contacts.iter_mut().zip(oriented).for_each(|(t, s)| *t = s.contacts(&laws, at));
-            });
-            of_kind.live.clear();
-            of_kind.live.extend((0..of_kind.contacts.len() as u32).filter(|&i| of_kind.contacts[i as usize].is_some()));
-            of_kind.live_order = of_kind.order.restricted(&of_kind.live);
+            let PairsOfKind { oriented, order, active, active_order, .. } = of_kind;
+            let of_chunk = |(chunk, pairs): (usize, &[OrientedPair])| -> Vec<(u32, ActivePair)> {
+                let places = (chunk * CHUNK) as u32..;
+                pairs.iter().zip(places).filter_map(|(pair, place)| Some((place, pair.active(&laws, at)?))).collect()
+            };
+            let pieces: Vec<_> = oriented.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
+            let places: Vec<u32> = pieces.iter().flatten().map(|(place, _)| *place).collect();
+            active.clear();
+            pieces.into_iter().for_each(|piece| active.extend(piece.into_iter().map(|(_, pair)| pair)));
+            *active_order = order.restricted(&places);
         }
         self.nodes.iter().for_each(|&node| self.seen[node as usize] = false);
         self.nodes.clear();
@@ -297,11 +295,11 @@ impl Repulsions {
             self.velocities = AtomicVectors::new(at.nodes.cloth());
         }
         (self.active, self.inverted) = (0, 0);
-        for contacts in self.kinds.iter().flat_map(PairsOfKind::active) {
-            let is_canonical = at.nodes.is_canonical_rank(&contacts.nodes);
+        for pair in self.kinds.iter().flat_map(|of_kind| &of_kind.active) {
+            let is_canonical = at.nodes.is_canonical_rank(&pair.nodes);
             self.active += u64::from(is_canonical);
-            self.inverted += u64::from(is_canonical && contacts.distance < 0.0);
-            for node in contacts.nodes {
+            self.inverted += u64::from(is_canonical && pair.distance < 0.0);
+            for node in pair.nodes {
                 if !std::mem::replace(&mut self.seen[node as usize], true) {
                     self.nodes.push(node);
                 }
@@ -337,8 +335,7 @@ impl Repulsions {
     /// of the normal velocity that it wants, from that velocity.
     fn sweep(&self, (kind, start): (PairKind, usize), at: &RepulsionStep<'_>, law: &Law<'_>) {
         let of_kind = &self.kinds[kind as usize];
-        let one = |&i: &u32| {
-            let Some(t) = &of_kind.contacts[i as usize] else { return };
+        let one = |t: &ActivePair| {
             let v = t.nodes.map(|node| self.velocities.get(node));
             let [a, b, c, d] = t.weights;
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
@@ -350,17 +347,17 @@ impl Repulsions {
                 self.apply_impulse(at, node, &(v + impulse * share));
             }
         };
-        let treat = |live: &[u32]| {
-            if live.len() >= PARALLEL {
-                live.par_iter().with_min_len(PARALLEL / 4).for_each(one);
+        let treat = |pairs: &[ActivePair]| {
+            if pairs.len() >= PARALLEL {
+                pairs.par_iter().with_min_len(PARALLEL / 4).for_each(one);
             } else {
-                live.iter().for_each(one);
+                pairs.iter().for_each(one);
             }
         };
-        for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
-            let live = &of_kind.live[colour.clone()];
+        for (number, colour) in of_kind.active_order.colours().iter().enumerate() {
+            let pairs = &of_kind.active[colour.clone()];
             let place = (kind as usize, number, start + number);
-            self.halo_per_colour.with_colour(at.nodes.ranks(), place, live, &self.velocities, treat);
+            self.halo_per_colour.with_colour(at.nodes.ranks(), place, pairs, &self.velocities, treat);
         }
     }
 }
@@ -406,7 +403,7 @@ impl OrientedPair {
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
-    fn contacts(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
+    fn active(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
         let reach = ACTIVE * self.thickness;
         // A bound that costs less than the distance: along the line of the closest points at A.
         if self.pair.distance_along(&self.pair.positions(step.x), &self.axis) > CERTAINLY_APART * reach {

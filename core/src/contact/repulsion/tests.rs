@@ -97,7 +97,7 @@ impl Pushed {
         };
         self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
-        kinds.iter().flat_map(|k| &k.contacts).flatten().map(|t| t.distance).min_by(f64::total_cmp)
+        kinds.iter().flat_map(|k| &k.active).map(|t| t.distance).min_by(f64::total_cmp)
     }
 
     /// Moves the second garment.
@@ -158,7 +158,7 @@ fn friction_stops_sliding_within_its_cone_and_only_there() {
         let mut pushed = Pushed::new(scene, Laws { friction, stiffness: 0.0, ..LAWS });
         pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
         pushed.apply(Passes::WithoutSprings, 1e-3);
-        let active = pushed.repulsions.kinds[0].contacts.iter().flatten().next().expect("a corner over a triangle");
+        let active = pushed.repulsions.kinds[0].active.first().expect("a corner over a triangle");
         let v: Vec<Vec3> = active.nodes.iter().map(|n| pushed.v[*n as usize]).collect();
         let relative: Vec3 = v.iter().zip(active.weights).map(|(v, w)| v * w).sum();
         assert!(relative.dot(&active.normal) > -1e-12, "approach is stopped");
@@ -261,7 +261,7 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let bears = (before - momentum(&pushed)).abs();
         assert!(bears < 1e-12, "what was given and what bodies have to bear differ by {bears} N s");
         // The first impulse on a node stops all of the approach: no sweep is needed to wear it down.
-        let active = pushed.repulsions.kinds[0].contacts.iter().flatten().next().expect("a corner over a triangle");
+        let active = pushed.repulsions.kinds[0].active.first().expect("a corner over a triangle");
         let stopped = |i: &u32| {
             let lies_here = lies.contains(&(*i as usize));
             if lies_here { start } else { pushed.v[*i as usize] }

@@ -204,6 +204,11 @@ impl SelfContact {
         }
     }
 
+    /// Steps have another length from now on: how many a collision step has is found again.
+    pub(crate) fn restart_substeps(&mut self) {
+        self.geometric.iter_mut().for_each(|geometric| geometric.control.restart());
+    }
+
     /// Share of the time step that the cloth allows, shortened where contact needs it.
     pub(crate) fn step_share(&self) -> f64 {
         self.geometric.as_ref().map_or(1.0, |g| g.control.share)

@@ -27,6 +27,11 @@ impl Substeps {
         Self { steps: 1, max_steps, share: 1.0, successes: 0 }
     }
 
+    /// Starts again, with steps of another length.
+    pub(super) fn restart(&mut self) {
+        *self = Self::new(self.max_steps);
+    }
+
     /// Goes on from what was remembered, within what is possible.
     pub(super) fn restore(&mut self, steps: u32, share: f64, successes: u32) {
         self.steps = steps.clamp(1, self.max_steps);

@@ -219,6 +219,7 @@ pub(crate) fn assemble(
         merged_vertices,
         warnings: Vec::new(),
         painted,
+        integrator_costs: None,
     }
 }
 
@@ -270,6 +271,7 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Scene {
         warnings: scene.warnings.clone(),
         identity,
         shape_meshes: Arc::clone(&scene.shape_meshes),
+        integrator_costs: scene.integrator_costs,
         ..assemble(ranks, scene.description.clone(), assigned, pieces, held)
     }
 }

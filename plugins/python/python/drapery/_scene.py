@@ -82,6 +82,8 @@ class Frame:
     """At the frame [J]."""
     max_strain: float
     """Relative change of the length of the most stretched edge."""
+    next_integrator: str | None
+    """Integrator of the frames behind this one, if it changes there."""
     counts: dict[str, int] = field(repr=False)
     """Counts of the frame, by the names of docs/reference/counts.md."""
 

@@ -221,6 +221,9 @@ fn the_integrator_that_was_taken_stands_in_the_place_of_auto() {
     assert_eq!(of("auto", "tr_bdf2"), of("tr_bdf2", "tr_bdf2"));
     let changed = compare(&of("semi_implicit", "semi_implicit"), &of("auto", "tr_bdf2"));
     assert_eq!(changed, only_forbidden("solver.integrator \"semi_implicit\" -> \"tr_bdf2\""));
+    // One that may change between frames is neither.
+    let changed = compare(&of("tr_bdf2", "tr_bdf2"), &of("auto", "auto"));
+    assert_eq!(changed, only_forbidden("solver.integrator \"tr_bdf2\" -> \"auto\""));
 }
 
 #[test]

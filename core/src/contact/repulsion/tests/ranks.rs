@@ -71,7 +71,6 @@ impl Heap {
                     });
                 }
             }
-            of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         repulsions.sort_by_colours(&nodes);
         (nodes, repulsions)
