@@ -188,24 +188,25 @@ impl PairSearch {
         keep: impl Fn(Pair, &mut Vec<T>) + Sync,
         found: &mut Vec<T>,
     ) {
-        let pieces = self.pieces_of_pairs(surface, keep);
+        let pieces = self.pieces_of_pairs(surface, keep, &Vec::shrink_to_fit);
         found.clear();
         found.extend(pieces.into_iter().flatten());
     }
 
-    /// The same in pieces, for lists that are too long to be in memory twice.
-    pub(super) fn pieces_of_pairs<T: Send>(
+    /// The same in pieces, for lists that are too long to be in memory twice; `finish` ends each.
+    pub(super) fn pieces_of_pairs<P: Default + Send>(
         &self,
         surface: &ContactSurface,
-        keep: impl Fn(Pair, &mut Vec<T>) + Sync,
-    ) -> Vec<Vec<T>> {
+        keep: impl Fn(Pair, &mut P) + Sync,
+        finish: &(impl Fn(&mut P) + Sync),
+    ) -> Vec<P> {
         let [cloth, bodies, ghosts] = self.sides(surface);
         let tree = &self.cloth.tree;
         let groups = surface.groups().map(|groups| groups.groups());
         let may_meet = groups.map(|groups| move |these, those| groups.may_touch(these, those));
         let may_meet = may_meet.as_ref().map(|may_meet| may_meet as &(dyn Fn(u64, u64) -> bool + Sync));
         let work = |other: Side<'_>, task: &PairTask| {
-            let mut out = Vec::new();
+            let mut out = P::default();
             let mut meet = |s, t| {
                 if cloth.overlaps(s, other, t) && !surface.is_ignored(cloth.corners(s), other.corners(t)) {
                     self.test_triangles((cloth, s), (other, t), &keep, &mut out);
@@ -213,7 +214,7 @@ impl PairSearch {
             };
             let filter = self.cloth.filter(other.fitted, may_meet);
             tree.pairs_of(task, &other.fitted.tree, filter.as_ref(), &mut meet);
-            out.shrink_to_fit();
+            finish(&mut out);
             out
         };
         let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
@@ -231,12 +232,12 @@ impl PairSearch {
 
     /// The pairs of points, triangles and edges that belong to two triangles.
     #[inline]
-    pub(super) fn test_triangles<T>(
+    pub(super) fn test_triangles<P>(
         &self,
         one: (Side<'_>, u32),
         other: (Side<'_>, u32),
-        keep: &impl Fn(Pair, &mut Vec<T>),
-        out: &mut Vec<T>,
+        keep: &impl Fn(Pair, &mut P),
+        out: &mut P,
     ) {
         let (s, t) = (one.1, other.1);
         let [own_boxes, boxes] = [one.0.fitted, other.0.fitted];
@@ -263,12 +264,12 @@ impl PairSearch {
 
     /// The points that hang on one triangle against another.
     #[inline]
-    fn points_against<T>(
+    fn points_against<P>(
         &self,
         (one, s): (Side<'_>, u32),
         (other, t): (Side<'_>, u32),
-        keep: &impl Fn(Pair, &mut Vec<T>),
-        out: &mut Vec<T>,
+        keep: &impl Fn(Pair, &mut P),
+        out: &mut P,
     ) {
         if !other.faces.is_face(t) {
             return;

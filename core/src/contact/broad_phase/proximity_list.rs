@@ -47,11 +47,14 @@ pub(crate) struct PredictedPaths {
     pub duration: f64,
 }
 
+/// A piece of the list: points and triangles, then edges.
+type OfKinds = [Vec<CandidatePair>; 2];
+
 /// The list.
 #[derive(Debug)]
 pub(crate) struct ProximityList {
-    /// Points and triangles; then edges.
-    lists: [Vec<CandidatePair>; 2],
+    /// Points and triangles, then edges; in the pieces in which the search has met them.
+    lists: [Vec<Vec<CandidatePair>>; 2],
     /// Positions of the nodes when the list was made [m]; none before.
     reference: Option<Vec<Vec3>>,
     /// Paths that it was made around; none for a list that is to last.
@@ -106,7 +109,7 @@ impl ProximityList {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let pairs = self.lists.iter().map(Vec::capacity).sum::<usize>();
+        let pairs = self.lists.iter().flatten().map(Vec::capacity).sum::<usize>();
         let predicted = self.predicted.as_ref().map_or(0, |predicted| size_of_val(predicted.ends.as_slice()));
         pairs * size_of::<CandidatePair>()
             + predicted
@@ -114,7 +117,12 @@ impl ProximityList {
     }
 
     /// Pairs of a kind, in the order in which the search has met them.
-    pub(crate) fn list(&self, kind: PairKind) -> &[CandidatePair] {
+    pub(crate) fn list(&self, kind: PairKind) -> impl Iterator<Item = &CandidatePair> {
+        self.pieces(kind).iter().flatten()
+    }
+
+    /// The same in pieces.
+    pub(crate) fn pieces(&self, kind: PairKind) -> &[Vec<CandidatePair>] {
         &self.lists[kind as usize]
     }
 
@@ -146,7 +154,7 @@ impl ProximityList {
     /// Goes on without a list, after one with this reach and so many pairs per vertex.
     pub(crate) fn forget(&mut self, skin: f64, density: f64) {
         (self.reference, self.predicted, self.skin, self.density) = (None, None, skin, density);
-        self.lists.iter_mut().for_each(Vec::clear);
+        self.lists = Default::default();
     }
 
     /// Makes the list anew around `x`, the positions of all nodes [m], or around the paths predicted from there, with a reach given as a
@@ -163,6 +171,8 @@ impl ProximityList {
     ) {
         self.skin = reach;
         self.predicted = predicted;
+        // Long lists are not in memory twice.
+        self.lists = Default::default();
         let centre = surface.samples().centre(surface.nodes(), x);
         self.predicted_shift = match &self.predicted {
             Some(predicted) => surface.samples().centre(surface.nodes(), &predicted.ends).1 - centre.1,
@@ -190,21 +200,19 @@ impl ProximityList {
         let measure = measures(surface, is_predicted);
         let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
-        let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(criterion.candidate(pair));
-        let mut pieces = search.pieces_of_pairs(surface, keep);
-        let [all_found] = surface.ranks().sum_of([pieces.iter().map(Vec::len).sum::<usize>() as u64]);
+        let keep = |pair: Pair, out: &mut OfKinds| out[pair.kind as usize].extend(criterion.candidate(pair));
+        let finish = |out: &mut OfKinds| out.iter_mut().for_each(Vec::shrink_to_fit);
+        let mut pieces = search.pieces_of_pairs(surface, keep, &finish);
+        let [all_found] = surface.ranks().sum_of([pieces.iter().flatten().map(Vec::len).sum::<usize>() as u64]);
         self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
         if let Some(renumber) = replicate_pairs(surface, &mut pieces) {
             fetch(&renumber, surface, &mut [x]);
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
-        let first = pieces.iter().flatten().filter(|n| n.pair.kind == KINDS[0]).count();
-        let rest = pieces.iter().map(Vec::len).sum::<usize>() - first;
-        for (list, count) in self.lists.iter_mut().zip([first, rest]) {
-            list.clear();
-            list.reserve_exact(count);
+        for piece in pieces {
+            let of_kinds = self.lists.iter_mut().zip(piece);
+            of_kinds.filter(|(_, piece)| !piece.is_empty()).for_each(|(list, piece)| list.push(piece));
         }
-        pieces.into_iter().flatten().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         self.edge_length = measures(surface, is_predicted);
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);
@@ -216,7 +224,7 @@ impl ProximityList {
 
     /// Lays everything out for other ghosts.
     pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
-        renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
+        renumber.renumber(self.lists.iter_mut().flatten().flatten().flat_map(|n| &mut n.pair.nodes));
         self.edge_length = measures(surface, self.predicted.is_some());
         if let Some(predicted) = &mut self.predicted {
             renumber.apply(&mut predicted.ends, Vec3::zeros());
@@ -317,14 +325,15 @@ impl ProximityList {
     pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
         let may_meet = |n: &&CandidatePair| self.may_come_within(n, gap, margin) && self.is_canonical(&n.pair);
-        let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
+        let pieces = self.lists[0].par_iter().chain(&self.lists[1]);
+        let chunks = pieces.flat_map(|piece| piece.par_chunks(CHUNK));
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
 
     /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
     /// their edges farther; one entry for each node. Own nodes are marked by their owner.
     pub(crate) fn mark_in_contact(&self, margin: f64, marks: &mut [u8]) {
-        let touching = self.lists.iter().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
+        let touching = self.lists.iter().flatten().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
         touching.flat_map(|n| n.pair.nodes).for_each(|node| marks[node as usize] = 1);
     }
 
@@ -430,12 +439,12 @@ impl Criterion<'_> {
 }
 
 /// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
-fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<Vec<CandidatePair>>) -> Option<IndexMap> {
+fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<OfKinds>) -> Option<IndexMap> {
     if surface.ranks().is_alone() {
         return None;
     }
     let nodes = surface.nodes();
-    let mut pairs: Vec<CandidatePair> = std::mem::take(pieces).into_iter().flatten().collect();
+    let mut pairs: Vec<CandidatePair> = std::mem::take(pieces).into_iter().flatten().flatten().collect();
     pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
     candidate_pair::replicate_pairs(nodes, &mut pairs);
     let is_ghost = |number: &u32| *number < nodes.global_cloth_count() && !nodes.owns(*number);
@@ -445,7 +454,8 @@ fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<Vec<CandidateP
     let renumber = surface.set_ghosts(ghosts);
     let local = |number: u32| surface.nodes().local(number).expect("the nodes of held pairs are own or ghosts");
     pairs.iter_mut().for_each(|n| n.pair.nodes = n.pair.nodes.map(local));
-    pieces.push(pairs);
+    let (first, second) = pairs.into_iter().partition(|n| n.pair.kind == KINDS[0]);
+    pieces.push([first, second]);
     renumber
 }
 

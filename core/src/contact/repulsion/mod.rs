@@ -59,6 +59,9 @@ const PARALLEL: usize = 512;
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
+/// Pieces of a list of pairs that are oriented at once.
+const PIECES: usize = 64;
+
 /// Bound on a distance, over the distance at which pairs act, from which on no rounding brings them to act.
 const CERTAINLY_APART: f64 = 1.01;
 
@@ -170,7 +173,6 @@ impl Repulsions {
         ignored: &(impl Fn(&Pair) -> bool + Sync),
     ) {
         for kind in KINDS {
-            let list = proximity.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
             let near = |n: &CandidatePair| {
                 let limit = ACTIVE * f64::from(n.thickness) + slack;
@@ -179,12 +181,15 @@ impl Repulsions {
                 }
                 oriented(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
             };
-            let pieces: Vec<Vec<OrientedPair>> =
-                list.par_chunks(CHUNK).map(|chunk| chunk.iter().filter_map(near).collect()).collect();
             of_kind.oriented.clear();
-            // Lists are long: doubling on the way would take twice the memory.
-            of_kind.oriented.reserve_exact(pieces.iter().map(Vec::len).sum());
-            pieces.into_iter().for_each(|piece| of_kind.oriented.extend(piece));
+            // Some at a time: long lists are not in memory twice.
+            for pieces in proximity.pieces(kind).chunks(PIECES) {
+                let chunks = pieces.par_iter().flat_map(|piece| piece.par_chunks(CHUNK));
+                let found: Vec<Vec<OrientedPair>> =
+                    chunks.map(|chunk| chunk.iter().filter_map(near).collect()).collect();
+                of_kind.oriented.reserve_exact(found.iter().map(Vec::len).sum());
+                found.into_iter().for_each(|found| of_kind.oriented.extend(found));
+            }
         }
         if self.place == RepulsionPlace::Impulses {
             self.sort_by_colours(nodes);
