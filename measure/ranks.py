@@ -10,7 +10,7 @@ from pathlib import Path
 from measure import latency
 from measure.page import Table
 from measure.runs import ROOT, TODAY, Run, alternating, run
-from measure.scenes import folded_stack, on_the_ball
+from measure.scenes import folded_on_a_ball, folded_stack, on_the_ball
 
 PAGE = "dev/measurements/ranks.md"
 ON = {"1 rank, 1 thread": {"ranks": 1, "threads": 1}, "1 rank, 2 threads": {"ranks": 1, "threads": 2},
@@ -61,11 +61,11 @@ def traffic(scene, frames, ranks):
     return measure
 
 
-def large(**on):
+def large(scene=lambda: on_the_ball(1000, 600), last=2, **on):
     """Two million triangles."""
 
     def measure():
-        made, taken = measured_memory(on_the_ball(1000, 600), (0, 2), **on)
+        made, taken = measured_memory(scene(), (0, last), **on)
         counts = [made.count(name) for name in ("body_contacts", "collision_steps")]
         return [made.steps, f"{made.clock('simulate') / made.steps:.2f}", f"{sum(taken):.0f}", f"{made.wall:.0f}", *counts]
 
@@ -83,7 +83,9 @@ TABLES = [
         **{f"stack_{ranks}": (f"folded stack, ranks: {ranks}", traffic(folded_stack, (0, 6), ranks)) for ranks in (2, 4)},
     }),
     Table(PAGE, "large", ["steps", "s a step", "memory of all [MB]", "s in all", "body contacts", "collision steps"], {
-        "large_threads": ("1 rank, 2 threads", large(threads=2)), "large_ranks": ("2 ranks, 1 thread each", large(ranks=2))}),
+        "large_threads": ("1 rank, 2 threads", large(threads=2)), "large_ranks": ("2 ranks, 1 thread each", large(ranks=2)),
+        "large_folded": ("four layers, long steps, 1 rank, 2 threads, one frame of 1/24 s",
+                         large(lambda: folded_on_a_ball(500), 1, threads=2))}),
     *latency.TABLES,
 ]
 
