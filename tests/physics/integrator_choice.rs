@@ -4,7 +4,7 @@ use drapery_core::Vec3;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{EffectRequest, Integrator, PinAnchor, PinTarget, Scene, SceneDescription};
-use drapery_core::simulation::{FrameInput, Simulation};
+use drapery_core::simulation::{Advance, FrameInput, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_tests::*;
 
@@ -125,11 +125,17 @@ fn wrung() -> SceneDescription {
 /// The frames behind which the integrator changes and the integrators that it changes to, and a snapshot of each frame.
 type Course = (Vec<(i64, Integrator)>, Vec<Snapshot>);
 
-fn course(ranks: &Ranks, simulation: &mut Simulation) -> Course {
+/// Goes on to the last frame, and pauses at every state free of collisions if it is to.
+fn course(ranks: &Ranks, simulation: &mut Simulation, pauses: bool) -> Course {
     let (mut changes, mut snapshots) = (Vec::new(), Vec::new());
     for frame in simulation.frame() + 1..=WRUNG_FRAMES {
         let input = simulation.scene().share_input(ranks.is_first().then(|| FrameInput::to_frame(frame)));
-        let summary = simulation.advance(&input).expect("a frame");
+        let summary = loop {
+            match simulation.advance_or_pause(&input, &mut |_| pauses).expect("a frame") {
+                Advance::Done(summary) => break summary,
+                Advance::Paused(_) => (),
+            }
+        };
         changes.extend(summary.next_integrator.map(|next| (frame, next)));
         snapshots.push(simulation.snapshot());
     }
@@ -145,7 +151,7 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
             let start = scene.share_input(ranks.is_first().then(|| FrameInput::to_frame(0)));
             let mut simulation = Simulation::new(scene, &start).expect("a start");
             assert!(simulation.scene().may_change_integrator());
-            course(&ranks, &mut simulation)
+            course(&ranks, &mut simulation, false)
         };
         LocalRanks::run(count, 1, work).unwrap_or_else(|e| panic!("{count} ranks: {e}")).remove(0)
     };
@@ -157,7 +163,7 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
         let kept = &snapshots[stop as usize - 1];
         let mut resumed = Simulation::restore(scene, &FrameInput::to_frame(stop), kept).expect("a snapshot of it");
         assert!(resumed.snapshot() == *kept, "frame {stop}");
-        let rest = course(&Ranks::default(), &mut resumed);
+        let rest = course(&Ranks::default(), &mut resumed, true);
         let later: Vec<_> = changes.iter().filter(|(frame, _)| *frame > stop).copied().collect();
         assert!(rest == (later, snapshots[stop as usize..].to_vec()), "frame {stop}");
     }

@@ -23,21 +23,27 @@ enum Factor {
     Triangles,
 }
 
-/// A count, and the nanoseconds of one with each of [`Integrator::ALL`].
+/// Counts that time follows from, alike on any number of ranks and after a resume.
+pub(super) const COUNTS: [&str; 6] =
+    ["cg_solves", "cg_iterations", "collision_steps", "repulsions", "collision_hits", "body_queries"];
+
+/// Values of [`COUNTS`].
+pub(super) type Counts = [u64; COUNTS.len()];
+
+/// Nanoseconds of one of a count with each of [`Integrator::ALL`].
 struct CountCost {
-    count: &'static str,
     factor: Factor,
     nanoseconds: [f64; 2],
 }
 
-/// Counts that time follows from, alike on any number of ranks and after a resume.
-static COSTS: [CountCost; 6] = [
-    CountCost { count: "cg_solves", factor: Factor::Vertices, nanoseconds: [11.0, 400.0] },
-    CountCost { count: "cg_iterations", factor: Factor::Vertices, nanoseconds: [36.0, 35.0] },
-    CountCost { count: "collision_steps", factor: Factor::Triangles, nanoseconds: [620.0, 320.0] },
-    CountCost { count: "repulsions", factor: Factor::One, nanoseconds: [250.0, 12e3] },
-    CountCost { count: "collision_hits", factor: Factor::One, nanoseconds: [28e3, 28e3] },
-    CountCost { count: "body_queries", factor: Factor::One, nanoseconds: [950.0, 6300.0] },
+/// Costs of [`COUNTS`].
+static COSTS: [CountCost; COUNTS.len()] = [
+    CountCost { factor: Factor::Vertices, nanoseconds: [11.0, 400.0] },
+    CountCost { factor: Factor::Vertices, nanoseconds: [36.0, 35.0] },
+    CountCost { factor: Factor::Triangles, nanoseconds: [620.0, 320.0] },
+    CountCost { factor: Factor::One, nanoseconds: [250.0, 12e3] },
+    CountCost { factor: Factor::One, nanoseconds: [28e3, 28e3] },
+    CountCost { factor: Factor::One, nanoseconds: [950.0, 6300.0] },
 ];
 
 /// Sizes of a scene that the cost of its frames follows from.
@@ -73,20 +79,23 @@ impl SceneSizes {
         }
     }
 
-    /// Returns the CPU seconds of what `metrics` of all ranks have counted with an integrator. All ranks call it together, and find the
-    /// same.
-    pub(super) fn cost(&self, integrator: Integrator, metrics: &Metrics, ranks: &Ranks) -> f64 {
-        let counts = ranks.sum_of(COSTS.each_ref().map(|cost| metrics.counted(cost.count)));
+    /// Returns the CPU seconds of these counts with an integrator.
+    pub(super) fn cost(&self, integrator: Integrator, counts: &Counts) -> f64 {
         let nanoseconds = COSTS.iter().zip(counts).map(|(cost, count)| {
             let size = match cost.factor {
                 Factor::One => 1.0,
                 Factor::Vertices => self.vertices,
                 Factor::Triangles => self.triangles + SURFACE_TRIANGLE * self.surface_triangles,
             };
-            count as f64 * size * cost.nanoseconds[integrator as usize]
+            *count as f64 * size * cost.nanoseconds[integrator as usize]
         });
         nanoseconds.sum::<f64>() / NANOSECONDS
     }
+}
+
+/// Returns what `metrics` of all ranks have counted. All ranks call it together, and find the same.
+pub(super) fn counts_of(metrics: &Metrics, ranks: &Ranks) -> Counts {
+    ranks.sum_of(COUNTS.map(|count| metrics.counted(count)))
 }
 
 /// Triangles of all garments, on all ranks.
@@ -112,7 +121,7 @@ mod tests {
         let cost = |count: &'static str, integrator: Integrator| {
             let mut metrics = Metrics::default();
             metrics.count(count, 3);
-            sizes.cost(integrator, &metrics, &Ranks::default()) * NANOSECONDS
+            sizes.cost(integrator, &counts_of(&metrics, &Ranks::default())) * NANOSECONDS
         };
         for (count, [short, long]) in [
             ("cg_solves", [3.0 * 10.0 * 11.0, 3.0 * 10.0 * 400.0]),

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::Simulation;
-use super::frame_cost::SceneSizes;
+use super::frame_cost::{COUNTS, Counts, SceneSizes, counts_of};
 use super::recovery::RetryState;
 use crate::contact::self_contact::SelfContact;
 use crate::scene::{Integrator, Scene};
@@ -41,8 +41,8 @@ pub(super) struct IntegratorChange {
     first_wait: u64,
     /// Cost of a frame with each of [`Integrator::ALL`] [CPU s]: as expected, and for the one before the present as it was.
     costs: [f64; 2],
-    /// Cost of the frame under way, up to the last pause [CPU s].
-    under_way: f64,
+    /// Counts of the frame under way, up to the last pause: sums of costs would depend on where the pauses are.
+    under_way: Counts,
     /// Costs of the last frames with the present integrator, the latest first [CPU s].
     recent: [f64; FRAMES],
     /// Frames with the present integrator.
@@ -62,7 +62,7 @@ impl IntegratorChange {
             sizes: SceneSizes::of(scene),
             first_wait,
             costs,
-            under_way: 0.0,
+            under_way: Counts::default(),
             recent: [0.0; FRAMES],
             frames: 0,
             wait: first_wait,
@@ -70,10 +70,16 @@ impl IntegratorChange {
         })
     }
 
-    /// Takes the cost of a frame with the present integrator; returns the one of the next frame if it is another.
+    /// Ends the frame under way; returns the integrator of the next one if it is another than the present one.
     fn end_frame(&mut self, present: Integrator) -> Option<Integrator> {
+        let counts = std::mem::take(&mut self.under_way);
+        self.next_after(present, self.sizes.cost(present, &counts))
+    }
+
+    /// Returns the integrator of the frame after one of this cost [CPU s], if it is another than the present one.
+    fn next_after(&mut self, present: Integrator, cost: f64) -> Option<Integrator> {
         self.recent.rotate_right(1);
-        self.recent[0] = std::mem::take(&mut self.under_way);
+        self.recent[0] = cost;
         self.frames += 1;
         let other = other_than(present);
         let known = self.costs[other as usize];
@@ -107,18 +113,20 @@ impl IntegratorChange {
             .with("is_implicit", Field::single(u64::from(present.spec().is_implicit)))
             .with("short", Field::single(self.costs[0]))
             .with("long", Field::single(self.costs[1]))
-            .with("under_way", Field::single(self.under_way))
             .with("frames", Field::single(self.frames))
             .with("wait", Field::single(self.wait))
             .with("changes", Field::single(self.changes));
         let recent = RECENT.into_iter().zip(self.recent);
-        recent.fold(section, |section, (name, cost)| section.with(name, Field::single(cost)))
+        let section = recent.fold(section, |section, (name, cost)| section.with(name, Field::single(cost)));
+        let counts = COUNTS.into_iter().zip(self.under_way);
+        counts.fold(section, |section, (name, count)| section.with(name, Field::single(count)))
     }
 
     /// Goes on from a section; returns the integrator of its snapshot.
     fn restore(&mut self, section: &SavedSection) -> Integrator {
         self.costs = [section.single("short"), section.single("long")];
-        (self.under_way, self.frames) = (section.single("under_way"), section.single("frames"));
+        self.under_way = COUNTS.map(|name| section.single(name));
+        self.frames = section.single("frames");
         (self.wait, self.changes) = (section.single("wait"), section.single("changes"));
         self.recent = RECENT.map(|name| section.single(name));
         Integrator::ALL[usize::from(section.single::<u64>("is_implicit") > 0)]
@@ -149,11 +157,11 @@ pub(super) fn take_saved_integrator(
 }
 
 impl Simulation {
-    /// Adds the cost of what was counted since the last frame or pause. All ranks call it together, before the counts are taken.
+    /// Adds what was counted since the last frame or pause. All ranks call it together, before the counts are taken.
     pub(super) fn note_cost(&mut self) {
         let Some(change) = &mut self.integrator_change else { return };
-        let integrator = self.scene.description().solver.integrator;
-        change.under_way += change.sizes.cost(integrator, &self.metrics, self.scene.parts().ranks());
+        let counts = counts_of(&self.metrics, self.scene.parts().ranks());
+        change.under_way.iter_mut().zip(counts).for_each(|(all, count)| *all += count);
     }
 
     /// Changes the integrator behind a frame if the other one has become cheaper; returns the new one. All ranks call it together.
@@ -202,7 +210,7 @@ mod tests {
             sizes,
             first_wait: 4,
             costs: [3.0, 1.0],
-            under_way: 0.0,
+            under_way: Counts::default(),
             recent: [0.0; FRAMES],
             frames: 0,
             wait: 4,
@@ -213,9 +221,8 @@ mod tests {
     /// Integrators of frames with these costs.
     fn course(change: &mut IntegratorChange, mut present: Integrator, costs: &[f64]) -> Vec<Integrator> {
         let frame = |cost: &f64| {
-            change.under_way = *cost;
             let here = present;
-            present = change.end_frame(present).unwrap_or(present);
+            present = change.next_after(present, *cost).unwrap_or(present);
             here
         };
         costs.iter().map(frame).collect()
