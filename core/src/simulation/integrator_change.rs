@@ -80,7 +80,7 @@ impl IntegratorChange {
     fn next_after(&mut self, present: Integrator, cost: f64) -> Option<Integrator> {
         self.recent.rotate_right(1);
         self.recent[0] = cost;
-        self.frames += 1;
+        self.frames = self.frames.saturating_add(1);
         let other = other_than(present);
         let known = self.costs[other as usize];
         let seen = (self.frames as usize).min(FRAMES);
@@ -97,7 +97,7 @@ impl IntegratorChange {
         }
         self.costs[present as usize] = self.recent[..seen].iter().sum::<f64>() / seen as f64;
         (self.recent, self.frames) = ([0.0; FRAMES], 0);
-        self.changes += 1;
+        self.changes = self.changes.saturating_add(1);
         Some(other)
     }
 
@@ -161,7 +161,7 @@ impl Simulation {
     pub(super) fn note_cost(&mut self) {
         let Some(change) = &mut self.integrator_change else { return };
         let counts = counts_of(&self.metrics, self.scene.parts().ranks());
-        change.under_way.iter_mut().zip(counts).for_each(|(all, count)| *all += count);
+        change.under_way.iter_mut().zip(counts).for_each(|(all, count)| *all = all.saturating_add(count));
     }
 
     /// Changes the integrator behind a frame if the other one has become cheaper; returns the new one. All ranks call it together.
