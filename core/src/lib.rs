@@ -198,7 +198,9 @@ pub const SOLVER_VERSION: u32 = 10;
 /// assert!(Integrator::ALL.iter().all(|integrator| solver_version(*integrator) >= solver_version(Integrator::SemiImplicit)));
 /// ```
 pub fn solver_version(integrator: scene::Integrator) -> u32 {
-    let versions = |integrators: &[scene::Integrator]| integrators.iter().map(|one| one.spec().version).sum::<u32>();
-    let is_any = integrator == scene::Integrator::Auto;
-    SOLVER_VERSION + if is_any { versions(&scene::Integrator::ALL) } else { versions(&[integrator]) }
+    SOLVER_VERSION
+        + match integrator {
+            scene::Integrator::Auto => scene::Integrator::ALL.iter().map(|one| one.spec().version).sum(),
+            one => one.spec().version,
+        }
 }

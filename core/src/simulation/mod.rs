@@ -191,7 +191,9 @@ impl Simulation {
     /// # Errors
     /// All problems of the effects' settings, of the first samples, and of garments that start inside a body for the larger part.
     pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
-        let mut simulation = Self::build(Arc::new(scene), start)?;
+        let mut scene = Arc::new(scene);
+        choose_integrator(&mut scene)?;
+        let mut simulation = Self::build(scene, start)?;
         if simulation.contacts.bodies.is_some() {
             let Self { scene, cloth, prescribed, .. } = &simulation;
             simulation.start_inside = find_inside(scene, &cloth.state, &prescribed.bodies, prescribed.pins.as_ref())?;
@@ -203,9 +205,8 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// The simulation with the cloth as the scene starts it, and bodies and tracks where `start` has them.
-    fn build(mut scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
-        choose_integrator(&mut scene)?;
+    /// The simulation of a scene with its integrator chosen: the cloth as the scene starts it, bodies and tracks where `start` has them.
+    fn build(scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
