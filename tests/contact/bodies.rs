@@ -236,3 +236,22 @@ fn stiff_cloth_stretched_over_a_rim_comes_to_rest() {
         "{steps} steps in four frames, {energy} J, long after the body has come to rest"
     );
 }
+
+#[test]
+fn cloth_that_hangs_beside_a_mesh_is_not_drawn_to_it() {
+    // Half a millimetre farther off than it would rest at, stretching in its own plane, so slowly that its distance is not measured in
+    // each step.
+    let (plate, triangles) = box_mesh(Vec3::new(0.05, 1.0, 1.0), 4);
+    let place = |_: f64| -> Vec<Vec3> { plate.iter().map(|p| p - Vec3::x() * 0.0605).collect() };
+    let body = MeshBody { triangles, points: &place };
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
+        let mut description = hanging_by(200.0);
+        description.solver.integrator = integrator;
+        let mut farthest = 0.0_f64;
+        let properties = |b: &mut BodyDescription| b.thickness = 0.01;
+        run_with_mesh(description, &body, properties, 48, |simulation, _| {
+            farthest = positions(simulation).iter().map(|x| x.x.abs()).fold(farthest, f64::max);
+        });
+        assert!(farthest < 1e-6, "{integrator:?}: {farthest} m towards the body");
+    }
+}

@@ -91,7 +91,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: true,
         keeps_acceleration: true,
         strain_per_step: 0.5,
-        version: 9,
+        version: 10,
         unused: &[UnusedKey {
             key: "cfl",
             because: "it limits the steps for explicit forces, and this scene has none",

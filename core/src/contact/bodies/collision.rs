@@ -519,6 +519,19 @@ impl Search<'_> {
         }
     }
 
+    /// Distance of a surface at the start of the step [m], where the vertex was at `x`, instead of the lower `bound` known of it. The
+    /// surface stands at its end, so the vertex is moved along with its closest point `at`. The distance of other bodies is known.
+    fn measured_at_start(&mut self, body: usize, x: &Vec3, at: &BodyPoint, bound: f64) -> f64 {
+        let Some(slot) = self.slots[body] else { return bound };
+        let Some(reach) = self.reach(body, slot) else { return bound };
+        self.counts.queries += 1;
+        let margin = NEIGHBOURHOOD * self.properties[body].offset;
+        let ClosestCache { hint, around, .. } = &mut self.memory[slot];
+        let moved = x + at.displacement;
+        let found = self.step.bodies.closest_near(body, &moved, (reach, margin), Some(*hint), around);
+        found.map_or(reach, |found| found.phi)
+    }
+
     /// Finds the place where a vertex that goes from `x` to `to` touches a body, if it does.
     fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
         if self.is_far(body, x, to) {

@@ -78,11 +78,19 @@ impl Search<'_> {
             let properties = &self.properties[body];
             let (offset, gap) = (properties.offset, properties.offset - properties.thickness);
             let resting = offset + gap.max(RESTING_GAP * offset);
+            let farthest = resting.max(offset + slid_off);
             let at_start = self.distance_at_start(body, x);
-            if count == MAX_BODY_CONTACTS || at_start > resting.max(offset + slid_off) {
+            if count == MAX_BODY_CONTACTS || at_start > farthest {
                 continue;
             }
             let Some(at) = self.nearest(body, x, end) else { continue };
+            let closing = (end - x - at.displacement).dot(&at.normal) - (at.phi - offset);
+            // The distance of a surface may be a bound from before the vertex came near. The tangent plane shows where it is.
+            let is_farther = offset - closing > farthest;
+            let at_start = if is_farther { self.measured_at_start(body, x, &at, at_start) } else { at_start };
+            if at_start > farthest {
+                continue;
+            }
             if at.phi < properties.thickness {
                 let touch = LastContact { body, at, outside: end + at.normal * (gap - at.phi) };
                 if let Some(pinch) = self.pinching(vertex, &touch, touched.as_ref(), end) {
@@ -96,7 +104,6 @@ impl Search<'_> {
                 continue;
             }
             // The plane of the place where it is expected; what is too deep is for B.4.
-            let closing = (end - x - at.displacement).dot(&at.normal) - (at.phi - offset);
             let closing = if closing < -gap { closing } else { 0.0 };
             let contact = found.unwrap_or_else(|| {
                 let friction = properties.friction_on(self.painted.get(vertex));
