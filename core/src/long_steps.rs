@@ -27,6 +27,11 @@ pub(crate) const SETTLED_PAIR: f64 = 0.5;
 /// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub(crate) const EXTRAPOLATED: f64 = 0.04;
 
+/// Extrapolated change of a velocity that may be an error of the solves in contact, over the tolerance of solves. A wrong prediction
+/// takes pairs that press lightly out of touch, and the first round throws what they hold. Guarded by
+/// `layers_at_rest_take_the_steps_asked_for`.
+pub(crate) const PREDICTION_NOISE: f64 = 10.0;
+
 /// Change of velocities beyond which a solve may be rough, and the residual at contacts that is taken for an error of the first solve rather
 /// than for a wrong mode, over the tolerance of solves. Guarded by `calm_cloth_is_never_tried_again`.
 pub(crate) const ROUGH: f64 = 10.0;

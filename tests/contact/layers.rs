@@ -66,6 +66,21 @@ fn folded_silk_comes_to_rest_on_a_floor() {
 }
 
 #[test]
+fn layers_at_rest_take_the_steps_asked_for() {
+    for height in ["1.2003", "1.2004"] {
+        let center = format!("[0, {height}, 0]");
+        let settings =
+            [("shot.frames", "0-48"), ("solver.preset", "production"), ("garment.f.panel.center", center.as_str())];
+        let mut shot = shot("layers_on_a_ball.toml", &settings);
+        for frame in 1..=48 {
+            let done = shot.next_frame(&mut || false).unwrap_or_else(|e| panic!("{e}")).expect("no request to stop");
+            let (steps, energy) = (done.summary.steps, done.summary.kinetic_energy);
+            assert!(frame <= 30 || (steps == 8 && energy < 1e-7), "{height}, frame {frame}: {steps} steps, {energy} J");
+        }
+    }
+}
+
+#[test]
 #[ignore = "long: part of make test-full"]
 fn layers_never_cross_at_any_step() {
     for steps in ["24", "8", "2", "1"] {

@@ -2,7 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::scene::{
-    EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
+    EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
 };
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
@@ -43,6 +43,23 @@ fn a_chain_under_load_stops_at_its_limit() {
         }
         assert_eq!(over, 0, "limit {limit}");
     }
+}
+
+#[test]
+fn long_steps_hold_the_limit_over_sixty_rows_with_the_sweeps_of_a_frame_of_short_ones() {
+    let strained = |sweeps: f64| {
+        let mut description = hanging(60, 0.05, sweeps);
+        description.solver.integrator = Integrator::TrBdf2;
+        let mut simulation = start(description);
+        let strains = (0..24).map(|_| {
+            run(&mut simulation, 1);
+            largest_strain(&simulation)
+        });
+        strains.fold(0.0, f64::max)
+    };
+    let (held, of_a_short_step) = (strained(100.0), strained(6.0));
+    assert!(held < 0.05 + 2e-4, "strain {held}");
+    assert!(of_a_short_step > 0.06, "strain {of_a_short_step} with as many sweeps as a short step has");
 }
 
 #[test]

@@ -49,6 +49,8 @@ pub struct IntegratorSpec {
     /// Largest relative change of an edge's length in one step where the scene says none: short steps are shortened for stability,
     /// long ones for motion that they could not follow.
     pub strain_per_step: f64,
+    /// Sweeps over edges with a limit on strain in a step, over those that the scene allows: in a frame, about as many with all integrators.
+    pub strain_limit_sweeps: usize,
     /// Added to [`crate::SOLVER_VERSION`] in scenes with this integrator; raised where a change leaves the results of all others
     /// alone.
     pub version: u32,
@@ -77,6 +79,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: false,
         keeps_acceleration: false,
         strain_per_step: 0.1,
+        strain_limit_sweeps: 1,
         version: 0,
         unused: &[UnusedKey {
             key: "steps_per_frame",
@@ -91,6 +94,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: true,
         keeps_acceleration: true,
         strain_per_step: 0.5,
+        strain_limit_sweeps: 16,
         version: 10,
         unused: &[UnusedKey {
             key: "cfl",

@@ -76,7 +76,7 @@ impl StageSolver<'_> {
     }
 
     /// The parts that touch something.
-    fn parts_touched(&self) -> Vec<bool> {
+    pub(super) fn parts_touched(&self) -> Vec<bool> {
         let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
         let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes, solution: None });
         parts_touched(self.at.parts, self.active, touch.as_ref())

@@ -8,6 +8,7 @@ use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, ReversalTest,
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
+use crate::long_steps::PREDICTION_NOISE;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::Stop;
@@ -61,10 +62,13 @@ pub(in crate::step) struct StepContext<'a> {
 }
 
 impl<'a> StepContext<'a> {
-    /// Extrapolated change of a velocity in a stage whose positions move with it for this fraction of the step, capped [m/s].
-    pub(in crate::step) fn extrapolated(&self, change: Vec3, fraction: f64) -> Vec3 {
-        let moved = change.norm() * fraction * self.dt;
-        if moved > self.extrapolated { change * (self.extrapolated / moved) } else { change }
+    /// Extrapolated change of a velocity in a stage whose positions move with it for this fraction of the step, capped [m/s]. In contact as much
+    /// of it is left out as may be an error of the solves.
+    fn extrapolated(&self, change: Vec3, fraction: f64, in_contact: bool) -> Vec3 {
+        let speed = change.norm();
+        let noise = if in_contact { PREDICTION_NOISE * self.stop.tolerance } else { 0.0 };
+        let taken = (speed - noise).clamp(0.0, self.extrapolated / (fraction * self.dt));
+        if taken < speed { change * (taken / speed) } else { change }
     }
 
     pub(in crate::step) fn with(&self, active: &'a ActiveSet) -> Prescription<'a> {
@@ -87,6 +91,17 @@ pub(in crate::step) struct StageSolver<'a> {
 }
 
 impl<'a> StageSolver<'a> {
+    /// Predicts the velocities of own vertices at the end of a stage whose positions move with them for this fraction of the step: those of
+    /// `from` [m/s] and an extrapolated change.
+    pub(in crate::step) fn predict(&mut self, fraction: f64, from: &[Vec3], change: impl Fn(usize) -> Vec3) {
+        let (at, touched) = (self.at, self.parts_touched());
+        for (range, touched) in at.parts.ranges().iter().zip(touched) {
+            for vertex in range.clone() {
+                self.arrays.v[vertex] = from[vertex] + at.extrapolated(change(vertex), fraction, touched);
+            }
+        }
+    }
+
     /// The start of a step: velocities that contacts allow, and the forces. `first` is the length of the first stage [s].
     pub(in crate::step) fn begin(&mut self, first: f64) {
         let at = self.at;
