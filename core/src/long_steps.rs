@@ -27,7 +27,7 @@ pub(crate) const SETTLED_PAIR: f64 = 0.5;
 /// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
 pub(crate) const EXTRAPOLATED: f64 = 0.04;
 
-/// Extrapolated change of a velocity that may be an error of the solves in contact, over the tolerance of solves. A wrong prediction
+/// Extrapolated change of a velocity that may be an error of the solves where layers touch, over the tolerance of solves. A wrong prediction
 /// takes pairs that press lightly out of touch, and the first round throws what they hold. Guarded by
 /// `layers_at_rest_take_the_steps_asked_for`.
 pub(crate) const PREDICTION_NOISE: f64 = 10.0;

@@ -75,8 +75,16 @@ impl StageSolver<'_> {
         parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
     }
 
+    /// The parts in which cloth touches cloth.
+    pub(super) fn parts_in_layers(&self) -> Vec<bool> {
+        let (parts, pairs) = (self.at.parts, &self.arrays.pairs);
+        let touch =
+            self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes(), solution: None });
+        touch.map_or_else(|| vec![false; parts.count()], |touch| touch.parts_with(parts, |_| true))
+    }
+
     /// The parts that touch something.
-    pub(super) fn parts_touched(&self) -> Vec<bool> {
+    fn parts_touched(&self) -> Vec<bool> {
         let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
         let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes, solution: None });
         parts_touched(self.at.parts, self.active, touch.as_ref())

@@ -21,7 +21,7 @@ pub(super) struct PairsInTouch<'a> {
 
 impl PairsInTouch<'_> {
     /// Own parts with a vertex in a pair of which some node is marked, of those of cloth.
-    fn parts_with(&self, parts: &Parts, marked: impl Fn(usize) -> bool) -> Vec<bool> {
+    pub(super) fn parts_with(&self, parts: &Parts, marked: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut found = vec![false; parts.count()];
         let own = self.nodes.own();
         for pair in self.pairs.iter().filter(|pair| pair.nodes.iter().any(|node| marked(*node as usize))) {

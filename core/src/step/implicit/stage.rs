@@ -62,11 +62,11 @@ pub(in crate::step) struct StepContext<'a> {
 }
 
 impl<'a> StepContext<'a> {
-    /// Extrapolated change of a velocity in a stage whose positions move with it for this fraction of the step, capped [m/s]. In contact as much
-    /// of it is left out as may be an error of the solves.
-    fn extrapolated(&self, change: Vec3, fraction: f64, in_contact: bool) -> Vec3 {
+    /// Extrapolated change of a velocity in a stage whose positions move with it for this fraction of the step, capped [m/s]. Where layers touch
+    /// as much of it is left out as may be an error of the solves.
+    fn extrapolated(&self, change: Vec3, fraction: f64, in_layers: bool) -> Vec3 {
         let speed = change.norm();
-        let noise = if in_contact { PREDICTION_NOISE * self.stop.tolerance } else { 0.0 };
+        let noise = if in_layers { PREDICTION_NOISE * self.stop.tolerance } else { 0.0 };
         let taken = (speed - noise).clamp(0.0, self.extrapolated / (fraction * self.dt));
         if taken < speed { change * (taken / speed) } else { change }
     }
@@ -94,10 +94,10 @@ impl<'a> StageSolver<'a> {
     /// Predicts the velocities of own vertices at the end of a stage whose positions move with them for this fraction of the step: those of
     /// `from` [m/s] and an extrapolated change.
     pub(in crate::step) fn predict(&mut self, fraction: f64, from: &[Vec3], change: impl Fn(usize) -> Vec3) {
-        let (at, touched) = (self.at, self.parts_touched());
-        for (range, touched) in at.parts.ranges().iter().zip(touched) {
+        let (at, in_layers) = (self.at, self.parts_in_layers());
+        for (range, in_layers) in at.parts.ranges().iter().zip(in_layers) {
             for vertex in range.clone() {
-                self.arrays.v[vertex] = from[vertex] + at.extrapolated(change(vertex), fraction, touched);
+                self.arrays.v[vertex] = from[vertex] + at.extrapolated(change(vertex), fraction, in_layers);
             }
         }
     }
