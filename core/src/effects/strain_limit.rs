@@ -17,7 +17,8 @@
 //! one's values alone: no order enters, and an edge between two parts is computed by both from the same numbers. Sweeps end when
 //! no edge is longer by a ten-thousandth than allowed, when they get nowhere, or after `sweeps` of them. What is left is counted
 //! (`strain_over_limit`) and shows in the largest strain of the frame: a limit of 1 % under load over a hundred rows of edges
-//! takes some hundred sweeps, and several times as many in a long step, in which edges go farther. Bodies, and collisions in C, come after the limit and may stretch edges beyond it.
+//! takes some hundred sweeps, and several times as many in a long step, in which edges go farther. Bodies, and collisions in C,
+//! come after the limit and may stretch edges beyond it.
 
 #![cfg(feature = "effects")]
 
@@ -150,7 +151,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     };
     let edges = part_edges::of_parts(parts, mesh, &ends, limits);
     let limit = StrainLimit {
-        sweeps: settings.number("sweeps") as usize * scene.description().solver.integrator.spec().strain_limit_sweeps,
+        sweeps: settings.number("sweeps") as usize
+            * scene.description().solver.integrator.spec().strain_limit_sweep_factor,
         valence,
         change: vec![Vec3::zeros(); parts.local_count()],
         excess: vec![0.0; edges.len()],

@@ -50,7 +50,7 @@ pub struct IntegratorSpec {
     /// long ones for motion that they could not follow.
     pub strain_per_step: f64,
     /// Sweeps over edges with a limit on strain in a step, over those that the scene allows: in a frame, about as many with all integrators.
-    pub strain_limit_sweeps: usize,
+    pub strain_limit_sweep_factor: usize,
     /// Added to [`crate::SOLVER_VERSION`] in scenes with this integrator; raised where a change leaves the results of all others
     /// alone.
     pub version: u32,
@@ -79,7 +79,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: false,
         keeps_acceleration: false,
         strain_per_step: 0.1,
-        strain_limit_sweeps: 1,
+        strain_limit_sweep_factor: 1,
         version: 0,
         unused: &[UnusedKey {
             key: "steps_per_frame",
@@ -94,7 +94,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         pinched_in_solves: true,
         keeps_acceleration: true,
         strain_per_step: 0.5,
-        strain_limit_sweeps: 16,
+        strain_limit_sweep_factor: 16,
         version: 10,
         unused: &[UnusedKey {
             key: "cfl",

@@ -495,11 +495,8 @@ impl Search<'_> {
         let bodies = self.step.bodies;
         let found = match self.slots[body] {
             Some(slot) => {
-                // Also where a neighbourhood answers: a resumed run has others.
-                self.counts.queries += 1;
-                let (reach, margin) = (self.reach(body, slot)?, NEIGHBOURHOOD * self.properties[body].offset);
-                let ClosestCache { hint, around, .. } = &mut self.memory[slot];
-                bodies.closest_near(body, place, (reach, margin), Some(*hint), around)
+                let reach = self.reach(body, slot)?;
+                self.closest_on_surface((body, slot), place, reach)
             }
             None => bodies.closest(body, from, place, f64::INFINITY, None),
         };
@@ -524,12 +521,16 @@ impl Search<'_> {
     fn measured_at_start(&mut self, body: usize, x: &Vec3, at: &BodyPoint, bound: f64) -> f64 {
         let Some(slot) = self.slots[body] else { return bound };
         let Some(reach) = self.reach(body, slot) else { return bound };
+        self.closest_on_surface((body, slot), &(x + at.displacement), reach).map_or(reach, |found| found.phi)
+    }
+
+    /// The closest place of a surface to `place` within `reach` [m].
+    fn closest_on_surface(&mut self, (body, slot): (usize, usize), place: &Vec3, reach: f64) -> Option<BodyPoint> {
+        // Also where a neighbourhood answers: a resumed run has others.
         self.counts.queries += 1;
         let margin = NEIGHBOURHOOD * self.properties[body].offset;
         let ClosestCache { hint, around, .. } = &mut self.memory[slot];
-        let moved = x + at.displacement;
-        let found = self.step.bodies.closest_near(body, &moved, (reach, margin), Some(*hint), around);
-        found.map_or(reach, |found| found.phi)
+        self.step.bodies.closest_near(body, place, (reach, margin), Some(*hint), around)
     }
 
     /// Finds the place where a vertex that goes from `x` to `to` touches a body, if it does.

@@ -1,13 +1,13 @@
 //! Newton's method with active contacts: the rounds of solves of a stage (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
 
 use super::arrays::StageArrays;
-use super::parts::{PairsInTouch, parts_moved, parts_touched};
+use super::parts::{PairsInTouch, parts_in_layers, parts_moved, parts_touched};
 use super::stage::{StageEquation, StageSolver};
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
-use crate::contact::self_contact::SelfContact;
 use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH};
+use crate::parallel::simd4::Simd4;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 
@@ -67,27 +67,27 @@ impl StageSolver<'_> {
         self.at.parts.ranks().any(self.arrays.worked_on.contains(&true))
     }
 
+    /// The pairs that were evaluated last, with the changes of velocity of their nodes by a solve where these are known [m/s].
+    fn pairs_in_touch<'b>(&'b self, solution: Option<&'b [Simd4]>) -> Option<PairsInTouch<'b>> {
+        let contact = self.repulsion.as_deref()?;
+        Some(PairsInTouch { pairs: &self.arrays.pairs, nodes: contact.nodes(), solution })
+    }
+
     /// The parts in which the last change of velocities was more than `far` [m/s], by a solve or by something else.
     pub(in crate::step) fn parts_moved(&self, far: f64, was_solved: bool) -> Vec<bool> {
-        let StageArrays { matrix, change, pairs, cg, .. } = &*self.arrays;
-        let solution = was_solved.then(|| cg.pairs().velocities());
-        let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes(), solution });
+        let StageArrays { matrix, change, cg, .. } = &*self.arrays;
+        let touch = self.pairs_in_touch(was_solved.then(|| cg.pairs().velocities()));
         parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
     }
 
     /// The parts in which cloth touches cloth.
-    pub(super) fn parts_in_layers(&self) -> Vec<bool> {
-        let (parts, pairs) = (self.at.parts, &self.arrays.pairs);
-        let touch =
-            self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes(), solution: None });
-        touch.map_or_else(|| vec![false; parts.count()], |touch| touch.parts_with(parts, |_| true))
+    pub(in crate::step) fn parts_in_layers(&self) -> Vec<bool> {
+        parts_in_layers(self.at.parts, self.pairs_in_touch(None).as_ref())
     }
 
     /// The parts that touch something.
     fn parts_touched(&self) -> Vec<bool> {
-        let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
-        let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes, solution: None });
-        parts_touched(self.at.parts, self.active, touch.as_ref())
+        parts_touched(self.at.parts, self.active, self.pairs_in_touch(None).as_ref())
     }
 
     /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that

@@ -21,7 +21,7 @@ pub(super) struct PairsInTouch<'a> {
 
 impl PairsInTouch<'_> {
     /// Own parts with a vertex in a pair of which some node is marked, of those of cloth.
-    pub(super) fn parts_with(&self, parts: &Parts, marked: impl Fn(usize) -> bool) -> Vec<bool> {
+    fn parts_with(&self, parts: &Parts, marked: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut found = vec![false; parts.count()];
         let own = self.nodes.own();
         for pair in self.pairs.iter().filter(|pair| pair.nodes.iter().any(|node| marked(*node as usize))) {
@@ -65,10 +65,18 @@ pub(super) fn parts_moved(
     moved
 }
 
+/// Parts in which cloth touches cloth.
+pub(super) fn parts_in_layers(parts: &Parts, touch: Option<&PairsInTouch<'_>>) -> Vec<bool> {
+    touch.map_or_else(|| vec![false; parts.count()], |touch| touch.parts_with(parts, |_| true))
+}
+
 /// Parts with a contact: with bodies, or with cloth.
 pub(super) fn parts_touched(parts: &Parts, active: &ActiveSet, touch: Option<&PairsInTouch<'_>>) -> Vec<bool> {
-    let with_cloth = touch.map_or_else(|| vec![false; parts.count()], |touch| touch.parts_with(parts, |_| true));
-    with_cloth.into_iter().enumerate().map(|(part, cloth)| cloth || !active.of_part(part).is_empty()).collect()
+    parts_in_layers(parts, touch)
+        .into_iter()
+        .enumerate()
+        .map(|(part, cloth)| cloth || !active.of_part(part).is_empty())
+        .collect()
 }
 
 #[cfg(test)]

@@ -71,6 +71,21 @@ impl<'a> StepContext<'a> {
         if taken < speed { change * (taken / speed) } else { change }
     }
 
+    /// Predicts the velocities `v` of own vertices at the end of a stage whose positions move with them for this fraction of the step: those
+    /// of `from` and an extrapolated change [m/s]. `in_layers` are the parts in which layers touch.
+    pub(in crate::step) fn predict(
+        &self,
+        (fraction, in_layers): (f64, &[bool]),
+        (v, from): (&mut [Vec3], &[Vec3]),
+        change: impl Fn(usize) -> Vec3,
+    ) {
+        for (range, in_layers) in self.parts.ranges().iter().zip(in_layers) {
+            for vertex in range.clone() {
+                v[vertex] = from[vertex] + self.extrapolated(change(vertex), fraction, *in_layers);
+            }
+        }
+    }
+
     pub(in crate::step) fn with(&self, active: &'a ActiveSet) -> Prescription<'a> {
         let Self { parts, pins, targets, recovery_speed, held, .. } = *self;
         Prescription { parts, pins, targets, recovery_speed, held, active }
@@ -91,17 +106,6 @@ pub(in crate::step) struct StageSolver<'a> {
 }
 
 impl<'a> StageSolver<'a> {
-    /// Predicts the velocities of own vertices at the end of a stage whose positions move with them for this fraction of the step: those of
-    /// `from` [m/s] and an extrapolated change.
-    pub(in crate::step) fn predict(&mut self, fraction: f64, from: &[Vec3], change: impl Fn(usize) -> Vec3) {
-        let (at, in_layers) = (self.at, self.parts_in_layers());
-        for (range, in_layers) in at.parts.ranges().iter().zip(in_layers) {
-            for vertex in range.clone() {
-                self.arrays.v[vertex] = from[vertex] + at.extrapolated(change(vertex), fraction, in_layers);
-            }
-        }
-    }
-
     /// The start of a step: velocities that contacts allow, and the forces. `first` is the length of the first stage [s].
     pub(in crate::step) fn begin(&mut self, first: f64) {
         let at = self.at;

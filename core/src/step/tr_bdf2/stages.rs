@@ -47,11 +47,10 @@ fn bdf2_again(dt: f64) -> StageEquation {
 pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let (at, stage) = (solver.at, trapezoid(solver.at.dt));
     solver.begin(GAMMA * at.dt);
-    let v_start = std::mem::take(&mut solver.arrays.v_start);
-    solver.predict(ALPHA, &v_start, |vertex| at.start.a[vertex] * (GAMMA * at.dt));
-    solver.arrays.v_start = v_start;
+    let in_layers = solver.parts_in_layers();
     let StageArrays { v_start, v_inertial, x, v, .. } = &mut *solver.arrays;
     v_inertial.copy_from_slice(&v_start[at.parts.own()]);
+    at.predict((ALPHA, &in_layers), (v, v_start), |vertex| at.start.a[vertex] * (GAMMA * at.dt));
     let prescription = at.with(solver.active);
     prescription.set_own_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, at.dt)));
     for (((x, start), v_start), v) in x.iter_mut().zip(&at.start.x).zip(&*v_start).zip(&*v) {
@@ -74,11 +73,11 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
 pub(super) fn second_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let (at, stage) = (solver.at, bdf2(solver.at.dt));
     set_inertial(solver);
-    let [v_start, v_first] = [&mut solver.arrays.v_start, &mut solver.arrays.v_first].map(std::mem::take);
-    solver.predict(ALPHA, &v_first, |vertex| (v_first[vertex] - v_start[vertex]) * ((1.0 - GAMMA) / GAMMA));
-    (solver.arrays.v_start, solver.arrays.v_first) = (v_start, v_first);
-    let StageArrays { x, v, worked_on, .. } = &mut *solver.arrays;
+    let in_layers = solver.parts_in_layers();
+    let StageArrays { v_start, v_first, x, v, worked_on, .. } = &mut *solver.arrays;
     worked_on.fill(true);
+    let change = |vertex: usize| (v_first[vertex] - v_start[vertex]) * ((1.0 - GAMMA) / GAMMA);
+    at.predict((ALPHA, &in_layers), (v, v_first), change);
     let prescription = at.with(solver.active);
     prescription.set_own_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
     for ((x, start), v) in x.iter_mut().zip(&at.start.x).zip(&*v) {
