@@ -66,6 +66,11 @@ pub(crate) const LOOK_AHEAD: f64 = 2.0;
 /// known then, and most pairs bear little. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
 pub(crate) const FIRST_TANGENT: f64 = 0.3;
 
+/// Separation over the thickness up to which a pair that was pressed stays in the law of a guess. A prediction may part layers that press
+/// lightly, and the first round, without their force and stiffness, throws what they hold. Guarded by
+/// `layers_at_rest_take_the_steps_asked_for`.
+pub(crate) const KEPT_APART: f64 = 0.1;
+
 /// Part of an edge at either end in which the spring of a pair of edges becomes softer. Guarded by `folded_silk_comes_to_rest_on_a_floor`.
 pub(crate) const EDGE_ENDS: f64 = 0.2;
 

@@ -138,13 +138,12 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
     let most = numbers(STEPS_PER_FRAME).chain(of_presets).fold(ground.steps_per_frame as f64, f64::max);
     let steps = (ground.steps_per_frame as f64 * fineness).max(2.0 * most);
     let finer = |coarser: f64| {
-        let mut setting = as_is();
-        if ground.is_implicit {
-            setting = changed(&setting, STEPS_PER_FRAME, &(steps / coarser).ceil().to_string(), ground);
-        }
-        if !ground.is_implicit || ground.limits_long_steps() {
-            setting = changed(&setting, CFL, &(cfl * coarser).to_string(), ground);
-        }
+        let setting = as_is();
+        let mut setting = if ground.is_implicit {
+            changed(&setting, STEPS_PER_FRAME, &(steps / coarser).ceil().to_string(), ground)
+        } else {
+            changed(&setting, CFL, &(cfl * coarser).to_string(), ground)
+        };
         if let Some(dt) = longest {
             let dt = (dt / fineness).min(finest(MAX_DT, f64::INFINITY) / 2.0) * coarser;
             setting = changed(&setting, MAX_DT, &dt.to_string(), ground);

@@ -121,8 +121,8 @@ impl BaseSettings {
         if !self.is_implicit && names(STEPS_PER_FRAME, &changes) && !names(INTEGRATOR, &changes) {
             changes.insert(0, (INTEGRATOR, LONG_STEPS));
         }
-        let (integrator, has_explicit) = (self.integrator_with(&changes), self.limits_long_steps());
-        changes.retain(|(name, _)| !integrator.unused_keys(has_explicit).any(|unused| unused.key == *name));
+        let integrator = self.integrator_with(&changes);
+        changes.retain(|(name, _)| !integrator.unused_keys().any(|unused| unused.key == *name));
         changes
     }
 
@@ -132,7 +132,7 @@ impl BaseSettings {
         if ![INTEGRATOR, PRESET.name].contains(&name) {
             return Vec::new();
         }
-        let unused = self.integrator_with(&[(name, value)]).unused_keys(self.limits_long_steps());
+        let unused = self.integrator_with(&[(name, value)]).unused_keys();
         let of_scene = |key: &str| match key {
             CFL => Some(self.cfl),
             STEPS_PER_FRAME => Some(self.steps_per_frame as f64),
@@ -153,11 +153,6 @@ impl BaseSettings {
     /// Whether the scene has an effect.
     pub(super) fn has(&self, effect: &str) -> bool {
         self.effects.iter().any(|name| name == effect)
-    }
-
-    /// Whether something in the scene limits long steps as it does short ones.
-    pub(super) fn limits_long_steps(&self) -> bool {
-        self.effects.iter().any(|name| find(name).is_some_and(|spec| spec.study.limits_long_steps))
     }
 }
 
@@ -402,8 +397,6 @@ pub(super) mod tests {
             [(INTEGRATOR, SHORT_STEPS), (CFL, "2")]
         );
         assert_eq!(short.meant(vec![(PRESET.name, "hero"), (CFL, "2")]), [(PRESET.name, "hero")]);
-        let blown = BaseSettings { effects: vec!["pressure".into()], ..long };
-        assert_eq!(blown.meant(vec![(CFL, "2")]), [(CFL, "2")]);
     }
 
     #[test]

@@ -12,7 +12,6 @@ use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{Described, Integrator, RepulsionPlace, Scene, SceneDescription, SolverSettings};
 use drapery_core::settings::Settings;
-use drapery_core::setup::unused_keys;
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_shot::quality::LIMITS;
@@ -335,7 +334,7 @@ fn with_integrator(scene: &SceneDescription, integrator: Integrator) -> SceneDes
     let mut description = scene.clone();
     description.solver.integrator = integrator;
     let mut written = description.solver.written();
-    unused_keys(&description).for_each(|unused| drop(written.remove(unused.key)));
+    integrator.unused_keys().for_each(|unused| drop(written.remove(unused.key)));
     // Values out of range stay for the scene's own check.
     if let Ok(settings) = Settings::check(SolverSettings::FIELDS, &written) {
         description.solver = SolverSettings::of(&settings);

@@ -113,15 +113,8 @@ pub trait Force: Send + Sync {
         &[]
     }
 
-    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
+    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the length of short steps.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
-
-    /// The same of those that are explicit in implicit steps, too.
-    fn add_explicit_stiffness(&self, sums: &mut [f64]) {
-        if self.linearised().is_none() {
-            self.add_stiffness(sums);
-        }
-    }
 
     /// Vertices of other parts that the force looks at: a part without such on other ranks need not wait for them.
     fn neighbours(&self) -> &[u32] {
@@ -139,6 +132,11 @@ pub trait Force: Send + Sync {
     /// The force as one with derivatives; `None` if it is explicit in every step.
     fn linearised(&self) -> Option<&dyn Linearised> {
         None
+    }
+
+    /// Whether it is implicit without being in the matrix: a stage of a long step repeats its solve until the force has converged.
+    fn is_iterated(&self) -> bool {
+        false
     }
 
     /// The force as one of gas that the garment encloses; `None` if it is not.

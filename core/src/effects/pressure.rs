@@ -17,9 +17,9 @@
 //! ```
 //!
 //! Limits: the gas has no weight and no flow; one volume for each garment, so a garment of several closed pieces shares its
-//! gas. Gas is stiff (the earth's air has 100 kPa): semi-implicit steps of light cloth are short. Implicit steps take the gas into
-//! their matrix ([`crate::solve::volume_terms`]); what limits them is the pressure that turns with its triangles. `open = true` lets
-//! the surface have edges, which then feel a net force, as a parachute does.
+//! gas. Gas is stiff (the earth's air has 100 kPa): semi-implicit steps of light cloth are short. Long steps take the gas into their
+//! matrix ([`crate::solve::volume_terms`]), and repeat their solves for pressure that turns with its triangles. `open = true` lets the surface
+//! have edges, which then feel a net force, as a parachute does.
 
 #![cfg(feature = "effects")]
 
@@ -48,7 +48,7 @@ open = true",
     needs: &[Need::State],
     elements: "triangles",
     // Gas and overpressure have an energy of their own.
-    study: Study { does_work: Some(|_| false), limits_long_steps: true, ..Study::OUTSIDE },
+    study: Study { does_work: Some(|_| false), ..Study::OUTSIDE },
     cost: Cost { update: 20.0, ..Cost::NONE },
     looks_at_sides: |_| Some("`pressure`"),
     build,
@@ -96,7 +96,7 @@ struct PartPressure {
     side: f64,
     /// If the amount of gas stays.
     gas: Option<Gas>,
-    /// Contributions of each vertex to the step limit [N/m]: of pressure that turns with its triangles, and of gas.
+    /// Contributions of each vertex to the limit of short steps [N/m]: of pressure that turns with its triangles, and of gas.
     turning: Vec<f64>,
     breathing: Option<Vec<f64>>,
 }
@@ -202,12 +202,14 @@ impl Force for PartPressure {
     }
 
     fn add_stiffness(&self, sums: &mut [f64]) {
-        self.add_explicit_stiffness(sums);
+        sums.iter_mut().zip(&self.turning).for_each(|(sum, own)| *sum += own);
         sums.iter_mut().zip(self.breathing.iter().flatten()).for_each(|(sum, own)| *sum += own);
     }
 
-    fn add_explicit_stiffness(&self, sums: &mut [f64]) {
-        sums.iter_mut().zip(&self.turning).for_each(|(sum, own)| *sum += own);
+    // The turning couples two corners of a triangle by p/6 times a side: no block of it is positive, and what bounds it from above would
+    // let the cloth follow it late. The tension that pressure causes, which is in the matrix, outweighs it.
+    fn is_iterated(&self) -> bool {
+        true
     }
 
     fn enclosing(&self) -> Option<&dyn Enclosing> {

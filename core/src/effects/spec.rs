@@ -113,14 +113,11 @@ pub struct Study {
     pub is_essential: bool,
     /// Whether it does work on the cloth of a scene from outside; `None` if it does unless it is internal.
     pub does_work: Option<fn(&SceneDescription) -> bool>,
-    /// Whether its forces are explicit in long steps too and limit them as they do short ones.
-    pub limits_long_steps: bool,
 }
 
 impl Study {
     /// Effects that push cloth from outside, and that a shot can do without.
-    pub(crate) const OUTSIDE: Self =
-        Self { is_internal: false, is_essential: false, does_work: None, limits_long_steps: false };
+    pub(crate) const OUTSIDE: Self = Self { is_internal: false, is_essential: false, does_work: None };
 
     /// Effects that act between vertices of cloth, or on all alike.
     pub(crate) const INTERNAL: Self = Self { is_internal: true, ..Self::OUTSIDE };

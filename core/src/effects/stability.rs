@@ -12,10 +12,9 @@ pub(crate) fn longest_stable_step(
     sums: &mut [f64],
 ) -> f64 {
     let cfl = settings.cfl;
+    let is_implicit = settings.integrator.spec().is_implicit;
     for force in forces {
-        if settings.integrator.spec().is_implicit {
-            force.add_explicit_stiffness(sums);
-        } else {
+        if !(is_implicit && (force.linearised().is_some() || force.is_iterated())) {
             force.add_stiffness(sums);
         }
     }

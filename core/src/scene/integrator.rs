@@ -67,8 +67,6 @@ pub struct UnusedKey {
     pub because: &'static str,
     /// The line of a scene to write instead.
     pub instead: &'static str,
-    /// True if effects whose forces stay explicit in long steps read it.
-    pub limits_explicit_forces: bool,
 }
 
 /// Rows, in the order of [`Integrator::ALL`].
@@ -85,7 +83,6 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
             key: "steps_per_frame",
             because: "it sets the steps of `tr_bdf2` only",
             instead: "cfl = 2 for shorter steps, or integrator = \"tr_bdf2\"",
-            limits_explicit_forces: false,
         }],
     },
     IntegratorSpec {
@@ -95,12 +92,11 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         keeps_acceleration: true,
         strain_per_step: 0.5,
         strain_limit_sweep_factor: 16,
-        version: 10,
+        version: 11,
         unused: &[UnusedKey {
             key: "cfl",
-            because: "it limits the steps for explicit forces, and this scene has none",
+            because: "it limits the steps for explicit forces, and long steps have none",
             instead: "steps_per_frame = 16 for shorter steps, or integrator = \"semi_implicit\"",
-            limits_explicit_forces: true,
         }],
     },
 ];
@@ -117,11 +113,10 @@ impl Integrator {
         }
     }
 
-    /// Keys of `[solver]` that have no effect with it; `has_explicit` says whether the scene has forces that stay explicit in long steps.
-    /// [`Integrator::Auto`] takes an integrator that reads them.
-    pub fn unused_keys(self, has_explicit: bool) -> impl Iterator<Item = &'static UnusedKey> {
+    /// Keys of `[solver]` that have no effect with it. [`Integrator::Auto`] takes an integrator that reads them.
+    pub fn unused_keys(self) -> impl Iterator<Item = &'static UnusedKey> {
         let unused = if self == Self::Auto { &[] } else { self.spec().unused };
-        unused.iter().filter(move |unused| !(unused.limits_explicit_forces && has_explicit))
+        unused.iter()
     }
 
     /// The integrator of a word.

@@ -8,4 +8,3 @@ mod shape_meshes;
 pub(crate) mod validate;
 
 pub use mesh_checks::degenerate::simulated_triangles;
-pub use validate::unused::unused_keys;

@@ -56,7 +56,7 @@ fn fill_solver(root: &mut Node) {
     let origin = Origin::Preset(name);
     let written = table.get("integrator").and_then(Node::as_text).and_then(Integrator::find);
     let integrator = written.unwrap_or(preset.integrator);
-    let is_unused = |key: &str| integrator.unused_keys(false).any(|unused| unused.key == key);
+    let is_unused = |key: &str| integrator.unused_keys().any(|unused| unused.key == key);
     for (key, value) in preset.written().into_iter().filter(|(key, _)| !is_unused(key)) {
         table.fill(&key, as_written(value), &place, origin.clone());
     }

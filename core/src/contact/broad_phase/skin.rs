@@ -4,6 +4,7 @@
 //! that is often made anew costs less than a long one that lasts.
 
 use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::scene::RepulsionPlace;
 
 /// Reach of a list that is to last where there is room, as a share of a node's edges. Below 0.35 no two primitives of flat
 /// cloth come within reach of each other.
@@ -12,9 +13,29 @@ const LONG_SKIN: f64 = 0.33;
 /// Shortest that a heap makes it.
 const SHORTEST_LASTING: f64 = LONG_SKIN / 8.0;
 
-/// Reach around predicted paths of the first list of its kind, and bounds of those after it.
+/// Reach around predicted paths of the first list of its kind, and the largest of those after it.
 pub(crate) const FIRST_PREDICTED: f64 = 0.1;
-const PREDICTED: [f64; 2] = [0.1, 0.2];
+const LARGEST_PREDICTED: f64 = 0.2;
+
+/// Least reaches around predicted paths.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LeastReach {
+    /// Reach of cloth, as a share of a node's edges.
+    pub cloth: f64,
+    /// Reach of points of bodies over the reach of cloth.
+    pub bodies: f64,
+}
+
+impl LeastReach {
+    /// Least reaches where pairs repel each other in this way. Impulses act in several time steps of a collision step, and have to find the
+    /// pairs that come close in the later ones.
+    pub(crate) const fn of(place: RepulsionPlace) -> Self {
+        match place {
+            RepulsionPlace::Impulses => Self { cloth: 0.1, bodies: 0.2 },
+            RepulsionPlace::Solves => Self { cloth: 0.05, bodies: 0.05 },
+        }
+    }
+}
 
 /// Shares of all nodes that leave their reach around predicted paths below and above which the reach shrinks and grows, and by how much.
 const FEW: (f64, f64) = (0.01, 0.87);
@@ -35,14 +56,14 @@ pub(crate) fn lasting_after(list: &ProximityList, displacement: f64) -> Option<f
     (LASTING * displacement <= lasting).then_some(lasting)
 }
 
-/// Reach of the next list around predicted paths after one of which this share of all nodes has left its reach.
-pub(crate) fn predicted_after(reach: f64, left: f64) -> f64 {
+/// Reach of the next list around predicted paths, at least `least`, after one of which this share of all nodes has left its reach.
+pub(crate) fn predicted_after(reach: f64, left: f64, least: f64) -> f64 {
     let factor = match left {
         _ if left < FEW.0 => FEW.1,
         _ if left > MANY.0 => MANY.1,
         _ => 1.0,
     };
-    (reach * factor).clamp(PREDICTED[0], PREDICTED[1])
+    (reach * factor).clamp(least, LARGEST_PREDICTED)
 }
 
 /// Reach of a list that is to last, after one of this reach with so many pairs per vertex. Between layers that lie on each other
@@ -63,8 +84,8 @@ mod tests {
         assert_eq!(lasting(LONG_SKIN, 39.0), LONG_SKIN);
         assert_eq!(lasting(LONG_SKIN, 4.0 * CROWDED), 0.5 * LONG_SKIN);
         assert_eq!(lasting(LONG_SKIN, 1e9), SHORTEST_LASTING);
-        for (left, expected) in [(0.0, 0.1), (0.03, 0.1), (0.2, 0.135)] {
-            assert!((predicted_after(FIRST_PREDICTED, left) - expected).abs() < 1e-12);
+        for (left, least, expected) in [(0.0, 0.1, 0.1), (0.0, 0.05, 0.087), (0.03, 0.05, 0.1), (0.2, 0.05, 0.135)] {
+            assert!((predicted_after(FIRST_PREDICTED, left, least) - expected).abs() < 1e-12);
         }
         // Where pairs grow with the cube, the reach comes to rest where there are as many as are wanted.
         let density = |reach: f64| 5.0 * CROWDED * (reach / LONG_SKIN).powi(3);

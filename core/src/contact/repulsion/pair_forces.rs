@@ -14,8 +14,8 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::long_steps::{
-    EDGE_ENDS, FIRST_TANGENT, LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PARALLEL_EDGES, PRESSURE, SHARED_END,
-    STIFFENING,
+    EDGE_ENDS, FIRST_TANGENT, KEPT_APART, LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PARALLEL_EDGES, PRESSURE,
+    SHARED_END, STIFFENING,
 };
 use crate::parallel::simd4::Simd4;
 
@@ -147,6 +147,11 @@ impl PairHistory {
     fn solved_push(&self) -> Option<f64> {
         self.first_slip.map(|_| self.pushes[0])
     }
+
+    /// Whether the pair was pressed together at the evaluation before.
+    fn was_pressed(&self) -> bool {
+        self.solved_push().is_some_and(|push| push > 0.0)
+    }
 }
 
 /// After a solve of which these are the products of the pairs with its solution, in a system that weighs damping of pairs by
@@ -249,11 +254,14 @@ impl PairSpring {
     /// Push [N] and its derivative [N/m] at `y` [m] by the tangent that suits a pair of this history in a guess of Newton's method.
     ///
     /// The law is flat where layers touch lightly. Its tangent at a deep overlap would take back half of the overlap in a round, and the next
-    /// one half of the rest. The push that the solve before has found says where the law is needed.
+    /// one half of the rest. The push that the solve before has found says where the law is needed. A pair that was pressed and that a guess
+    /// has parted has the tangent at that push, which may pull: else the solve would throw what the pair holds.
     fn linearised(&self, y: f64, history: &PairHistory) -> (f64, f64) {
+        let onset = ONSET * self.thickness;
         let about = match history.solved_push() {
             None => y.min(FIRST_TANGENT * self.thickness),
-            Some(push) => y.min(self.overlap_of(push.max(0.0), y).max(ONSET * self.thickness)),
+            Some(push) if push > 0.0 && y < onset => y.max(self.overlap_of(push, onset)),
+            Some(push) => y.min(self.overlap_of(push.max(0.0), y).max(onset)),
         };
         let (push, stiffness) = self.at(about);
         (push + stiffness * (y - about), stiffness)
@@ -291,6 +299,11 @@ impl OrientedPair {
         PAIR_DAMPING / (softest * self.linear_stiffness(at) * response).sqrt()
     }
 
+    /// Least y of a pair in touch [m], exclusive: in a guess, below zero for one that was pressed.
+    fn least_overlap(&self, at: &PairStage<'_>) -> f64 {
+        if at.is_guess { -KEPT_APART * self.thickness } else { 0.0 }
+    }
+
     /// Whether the pair cannot be in touch, wherever its two are closest, with a damping time of at most `damping_time` [s]: most are too far
     /// apart for how fast their nodes approach.
     ///
@@ -301,7 +314,8 @@ impl OrientedPair {
     #[inline]
     fn is_out_of_touch(&self, at: &PairStage<'_>, damping_time: f64) -> bool {
         let distance = self.distance_bound(at.displacements);
-        if distance <= self.thickness {
+        let reach = self.thickness - self.least_overlap(at);
+        if distance <= reach {
             return false;
         }
         if distance > LOOK_AHEAD * self.thickness {
@@ -310,7 +324,7 @@ impl OrientedPair {
         let damping_time = damping_time * self.damped_share(distance).min(1.0);
         let approach = damping_time * self.largest_approach(at.v).max(0.0);
         let squared = damping_time * damping_time * self.largest_difference_squared(at.v);
-        let room = distance - self.thickness;
+        let room = distance - reach;
         squared < room * room || approach + squared / (2.0 * distance) < room
     }
 
@@ -376,14 +390,18 @@ impl OrientedPair {
         let approach = velocity.dot(&normal);
         let (damping_time, steepness) = self.damping(PAIR_DAMPING / (damped * response).sqrt(), distance, approach);
         let y = self.thickness - distance - damping_time * approach;
-        if y <= 0.0 {
+        if y <= self.least_overlap(at) {
+            return None;
+        }
+        let pair = surface.nodes().numbered(&self.pair);
+        let mut history = history(&pair);
+        if y <= 0.0 && !history.was_pressed() {
             return None;
         }
         let slip = velocity - normal * approach;
         let of_cloth = || surface.friction().of(laws.friction, nodes, weights);
         let friction = surface.body_of(&nodes).map_or_else(of_cloth, |body| body.friction);
-        let (pair, speed) = (surface.nodes().numbered(&self.pair), slip.norm());
-        let mut history = history(&pair);
+        let speed = slip.norm();
         let (push, stiffness) = if at.is_guess { spring.linearised(y, &history) } else { spring.at(y) };
         let first_slip = *history.first_slip.get_or_insert(speed);
         // What slows down within the step has at most Coulomb's friction at its end.

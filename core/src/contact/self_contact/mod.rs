@@ -16,7 +16,7 @@ use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::{PredictedPaths, ProximityList};
-use crate::contact::broad_phase::skin;
+use crate::contact::broad_phase::skin::{self, LeastReach};
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Departure, LoopOutcome, Strategy};
 use crate::contact::intersections::tangle::Tangle;
 use crate::contact::repulsion::pair_forces::UnrepelledMotion;
@@ -105,8 +105,9 @@ pub(crate) struct SelfContact {
     displacement_rate: f64,
     /// Longest way since the list was made, at the last collision-free state.
     skin_used: f64,
-    /// Reach of lists around predicted paths, as a share of the nodes' edges.
+    /// Reach of lists around predicted paths, as a share of the nodes' edges, and the least.
     predicted_reach: f64,
+    least_reach: LeastReach,
     /// Time since the last collision-free state, at the last call of C [s].
     elapsed: f64,
     /// Strategy by which the collisions of this collision step are resolved.
@@ -165,6 +166,7 @@ impl SelfContact {
             displacement_rate: 0.0,
             skin_used: f64::INFINITY,
             predicted_reach: skin::FIRST_PREDICTED,
+            least_reach: LeastReach::of(place),
             elapsed: 0.0,
             effort: Strategy::Usual,
             without_repulsion: Vec::new(),
@@ -260,7 +262,7 @@ impl SelfContact {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
             let predicted = lasting.is_none().then(|| {
                 let ends = self.surface.predict(&self.paths.start, &state.v, bodies, [state.time, duration]);
-                PredictedPaths { ends, duration }
+                PredictedPaths { ends, duration, reach_of_bodies: self.least_reach.bodies }
             });
             self.rebuild(lasting.unwrap_or(self.predicted_reach), predicted);
             self.skin_used = self.displacement_at_start();
@@ -368,7 +370,8 @@ impl SelfContact {
         let departure = Departure::of(used, &self.proximity, self.surface.nodes());
         if self.proximity.predicted_duration().is_some() {
             let all = f64::from(self.surface.nodes().global_cloth_count());
-            self.predicted_reach = skin::predicted_after(self.predicted_reach, departure.beyond as f64 / all.max(1.0));
+            let left = departure.beyond as f64 / all.max(1.0);
+            self.predicted_reach = skin::predicted_after(self.predicted_reach, left, self.least_reach.cloth);
         }
         let outcome = self.resolve((bodies, &let_go), (duration, departure), may_rewind, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };

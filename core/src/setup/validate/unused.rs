@@ -1,20 +1,13 @@
 //! Settings of the solver that have no effect with the integrator of a scene.
 
-use crate::effects::find;
 use crate::error::Problem;
-use crate::scene::{Described, EffectRequest, SceneDescription, SolverSettings, UnusedKey};
-
-/// Keys of the solver that have no effect in a scene.
-pub fn unused_keys(description: &SceneDescription) -> impl Iterator<Item = &'static UnusedKey> {
-    let is_explicit = |request: &EffectRequest| find(&request.effect).is_some_and(|spec| spec.study.limits_long_steps);
-    description.solver.integrator.unused_keys(description.effects.iter().any(is_explicit))
-}
+use crate::scene::{Described, SceneDescription, SolverSettings, UnusedKey};
 
 /// Refuses values that differ from their defaults and that nothing reads, each by name.
 pub(crate) fn check_unused(description: &SceneDescription, problems: &mut Vec<Problem>) {
     let integrator = description.solver.integrator;
     let [written, defaults] = [&description.solver, &SolverSettings::default()].map(Described::written);
-    for UnusedKey { key, because, instead, .. } in unused_keys(description) {
+    for UnusedKey { key, because, instead, .. } in integrator.unused_keys() {
         if written.get(*key) != defaults.get(*key) {
             let what = format!("`{key}` has no effect with `{}`: {because}", integrator.word());
             problems.push(Problem::scene("solver", what, format!("leave it out, or write {instead}")));
@@ -27,17 +20,6 @@ mod tests {
     use super::*;
     use crate::scene::Integrator;
     use crate::settings::SettingValue;
-
-    #[test]
-    #[cfg(feature = "effects")]
-    fn a_key_that_limits_explicit_forces_is_read_in_long_steps_where_an_effect_has_such() {
-        let mut description = SceneDescription::new("scene");
-        (description.solver.integrator, description.solver.cfl) = (Integrator::TrBdf2, 2.0);
-        assert_eq!(unused_keys(&description).map(|unused| unused.key).collect::<Vec<_>>(), ["cfl"]);
-        // The forces of a closed garment's pressure are explicit in every integrator.
-        description.effects.push(EffectRequest::of_garment("pressure", 0));
-        assert_eq!(unused_keys(&description).count(), 0);
-    }
 
     #[test]
     fn every_unused_key_is_refused_by_name_with_its_integrator_and_its_default_is_not() {

@@ -35,6 +35,8 @@ pub(crate) struct StageArrays {
     pub(in crate::step) change: Vec<Vec3>,
     /// Pairs of cloth in touch at the stage.
     pub(super) pairs: Vec<PairForce>,
+    /// Whether some rank has a force that is implicit by rounds alone.
+    pub(super) has_iterated: bool,
     /// Own parts that the solves work on.
     pub(in crate::step) worked_on: Vec<bool>,
     /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
@@ -59,6 +61,7 @@ impl StageArrays {
     pub(crate) fn new(parts: &Parts, forces: &PartForces) -> Self {
         let (matrix, slots) = matrix_of(parts, forces);
         let cg = PreconditionedCg::new(parts, &matrix);
+        let has_iterated = parts.ranks().any(forces.iter().flatten().any(|force| force.is_iterated()));
         let (local, own) = (vec![Vec3::zeros(); parts.local_count()], vec![Vec3::zeros(); parts.own().len()]);
         Self {
             matrix,
@@ -75,6 +78,7 @@ impl StageArrays {
             solved_residual: own,
             change: local,
             pairs: Vec::new(),
+            has_iterated,
             worked_on: vec![true; parts.count()],
             unsettled_vertices: None,
         }

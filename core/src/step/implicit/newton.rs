@@ -99,7 +99,7 @@ impl StageSolver<'_> {
         let mut total = Outcome::NONE;
         let has_pairs = !self.arrays.pairs.is_empty();
         let [has_pairs, on_bodies] = at.parts.ranks().any_of([has_pairs, !self.active.contacts().is_empty()]);
-        let in_contact = has_pairs || on_bodies;
+        let takes_rounds = has_pairs || on_bodies || self.arrays.has_iterated;
         self.set_pairs(stage, has_pairs);
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
@@ -117,7 +117,7 @@ impl StageSolver<'_> {
             } else {
                 cg.prepare_finest(&system);
             }
-            let outcome = if in_contact {
+            let outcome = if takes_rounds {
                 cg.newton_step(&system, residual, change, at.stop, &mut forcing)
             } else {
                 cg.solve(&system, residual, change, at.stop)
@@ -135,7 +135,7 @@ impl StageSolver<'_> {
                 *v += change;
                 *x += change * weight;
             }
-            if !in_contact {
+            if !takes_rounds {
                 self.arrays.worked_on.fill(false);
                 break;
             }

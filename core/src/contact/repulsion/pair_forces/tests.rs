@@ -124,6 +124,37 @@ fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
 }
 
 #[test]
+fn a_pair_that_was_pressed_stays_in_a_guess_that_parts_it_a_little() {
+    let spring = PairSpring { linear: 1000.0, thickness: THICKNESS };
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        for overlap in [0.03, 0.2] {
+            let mut touching = CloseTriangles::new(kind);
+            let at_start = touching.force().expect("it is in touch");
+            touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - at_start.distance));
+            let pressed = touching.force().expect("it is in touch");
+            let after = |push: f64| PairHistory { pushes: [push, 0.0], first_slip: Some(0.0) };
+            // The law goes on along its tangent at the push before, or at the onset.
+            touching.shift(Vec3::y() * ((overlap + 0.05) * THICKNESS));
+            let kept = touching.force_of(after(pressed.push), true).expect("it was pressed");
+            let about = overlap.min(0.1) * THICKNESS;
+            let (push, stiffness) = spring.at(about);
+            let push = push - stiffness * (about + 0.05 * THICKNESS);
+            let scale = pressed.push / spring.at(overlap * THICKNESS).0;
+            let is_near = |found: f64, expected: f64| (found / (scale * expected) - 1.0).abs() < 1e-6;
+            assert!(is_near(kept.push, push) && is_near(kept.stiffness, stiffness), "{kind:?} {overlap}: {kept:?}");
+            assert!(kept.push < 0.0);
+            for push in [0.0, -pressed.push] {
+                assert_eq!(touching.force_of(after(push), true), None, "a pair that bore nothing");
+            }
+            assert_eq!(touching.force_of(PairHistory::NONE, true), None, "a pair that was not in touch");
+            assert_eq!(touching.force_of(after(pressed.push), false), None, "the start of a step");
+            touching.shift(Vec3::y() * (0.06 * THICKNESS));
+            assert_eq!(touching.force_of(after(pressed.push), true), None, "a pair that has parted");
+        }
+    }
+}
+
+#[test]
 fn newtons_method_comes_to_a_light_load_in_a_few_rounds() {
     let spring = PairSpring { linear: 1000.0, thickness: THICKNESS };
     let load = spring.at(0.02 * THICKNESS).0;
@@ -397,6 +428,8 @@ fn pairs_that_are_out_of_touch_do_not_push() {
                 touching.v.iter_mut().for_each(|v| *v = random.vector() * speed);
             }
             let force = touching.force();
+            // The bound holds for a pair that a guess parts, too.
+            touching.force_of(PairHistory { pushes: [1.0, 1.0], first_slip: Some(0.0) }, true);
             dismissed += u32::from(touching.is_out_of_touch());
             pushing += u32::from(force.is_some());
         }
