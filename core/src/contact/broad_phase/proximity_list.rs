@@ -32,6 +32,9 @@ pub(crate) const ACTIVE: f64 = 1.1;
 /// (`docs/theory/self_contact.md#repulsion-with-history`).
 const CLOSE_AT_REST: f64 = 1.5;
 
+/// Reach of points of bodies over the reach of cloth in a list around predicted paths: how bodies move is known.
+const REACH_OF_BODIES: f64 = 0.2;
+
 /// Nodes that one task moves.
 const CHUNK: usize = 4096;
 
@@ -42,8 +45,6 @@ pub(crate) struct PredictedPaths {
     pub ends: Vec<Vec3>,
     /// Duration [s].
     pub duration: f64,
-    /// Reach of points of bodies over the reach of cloth: how bodies move is known.
-    pub reach_of_bodies: f64,
 }
 
 /// A piece of the list: points and triangles, then edges.
@@ -150,11 +151,6 @@ impl ProximityList {
         self.predicted.as_ref().map(|predicted| predicted.duration)
     }
 
-    /// Reach of points of bodies over the reach of cloth: all of it in a list that is to last.
-    fn reach_of_bodies(&self) -> f64 {
-        self.predicted.as_ref().map_or(1.0, |predicted| predicted.reach_of_bodies)
-    }
-
     /// Goes on without a list, after one with this reach and so many pairs per vertex.
     pub(crate) fn forget(&mut self, skin: f64, density: f64) {
         (self.reference, self.predicted, self.skin, self.density) = (None, None, skin, density);
@@ -183,9 +179,9 @@ impl ProximityList {
             None => Vec3::zeros(),
         };
         let shift = self.predicted_shift;
-        let of_bodies = self.reach_of_bodies();
+        let is_predicted = self.predicted.is_some();
         let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
-            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, of_bodies, i) + gap;
+            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap;
             Aabb::around_path([&x[i], ends.map_or(&x[i], |predicted| &predicted.ends[i])], &shift, reach)
         };
         let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
@@ -201,7 +197,7 @@ impl ProximityList {
             predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
         }
         search.refit_ghosts(surface, |i| around(surface, x, predicted.as_deref(), i));
-        let measure = measures(surface, of_bodies);
+        let measure = measures(surface, is_predicted);
         let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
         let keep = |pair: Pair, out: &mut OfKinds| out[pair.kind as usize].extend(criterion.candidate(pair));
@@ -217,7 +213,7 @@ impl ProximityList {
             let of_kinds = self.lists.iter_mut().zip(piece);
             of_kinds.filter(|(_, piece)| !piece.is_empty()).for_each(|(list, piece)| list.push(piece));
         }
-        self.edge_length = measures(surface, of_bodies);
+        self.edge_length = measures(surface, is_predicted);
         self.own = own_nodes(surface);
         self.displacements.resize(x.len(), 0.0);
         self.centre = centre;
@@ -229,7 +225,7 @@ impl ProximityList {
     /// Lays everything out for other ghosts.
     pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
         renumber.renumber(self.lists.iter_mut().flatten().flatten().flat_map(|n| &mut n.pair.nodes));
-        self.edge_length = measures(surface, self.reach_of_bodies());
+        self.edge_length = measures(surface, self.predicted.is_some());
         if let Some(predicted) = &mut self.predicted {
             renumber.apply(&mut predicted.ends, Vec3::zeros());
         }
@@ -364,15 +360,15 @@ impl ProximityList {
     }
 }
 
-/// Measure of the reach of a node [m], with the reach of points of bodies over the reach of cloth.
-fn measure_of(surface: &ContactSurface, of_bodies: f64, node: usize) -> f64 {
-    let share = if surface.is_body(node as u32) { of_bodies } else { 1.0 };
+/// Measure of the reach of a node [m], in a list around predicted paths or in one that is to last.
+fn measure_of(surface: &ContactSurface, is_predicted: bool, node: usize) -> f64 {
+    let share = if is_predicted && surface.is_body(node as u32) { REACH_OF_BODIES } else { 1.0 };
     surface.edge_length()[node] * share
 }
 
 /// The measures of all nodes [m].
-fn measures(surface: &ContactSurface, of_bodies: f64) -> Vec<f64> {
-    (0..surface.node_count()).map(|node| measure_of(surface, of_bodies, node)).collect()
+fn measures(surface: &ContactSurface, is_predicted: bool) -> Vec<f64> {
+    (0..surface.node_count()).map(|node| measure_of(surface, is_predicted, node)).collect()
 }
 
 /// Own nodes of cloth, in local numbers.

@@ -17,23 +17,12 @@ const SHORTEST_LASTING: f64 = LONG_SKIN / 8.0;
 pub(crate) const FIRST_PREDICTED: f64 = 0.1;
 const LARGEST_PREDICTED: f64 = 0.2;
 
-/// Least reaches around predicted paths.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct LeastReach {
-    /// Reach of cloth, as a share of a node's edges.
-    pub cloth: f64,
-    /// Reach of points of bodies over the reach of cloth.
-    pub bodies: f64,
-}
-
-impl LeastReach {
-    /// Least reaches where pairs repel each other in this way. Impulses act in several time steps of a collision step, and have to find the
-    /// pairs that come close in the later ones.
-    pub(crate) const fn of(place: RepulsionPlace) -> Self {
-        match place {
-            RepulsionPlace::Impulses => Self { cloth: 0.1, bodies: 0.2 },
-            RepulsionPlace::Solves => Self { cloth: 0.05, bodies: 0.05 },
-        }
+/// Least reach around predicted paths where pairs repel each other in this way. Impulses act in several time steps of a collision step, and
+/// have to find the pairs that come close in the later ones.
+pub(crate) const fn least_predicted(place: RepulsionPlace) -> f64 {
+    match place {
+        RepulsionPlace::Impulses => 0.1,
+        RepulsionPlace::Solves => 0.05,
     }
 }
 

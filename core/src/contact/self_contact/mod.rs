@@ -16,7 +16,7 @@ use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::{PredictedPaths, ProximityList};
-use crate::contact::broad_phase::skin::{self, LeastReach};
+use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Departure, LoopOutcome, Strategy};
 use crate::contact::intersections::tangle::Tangle;
 use crate::contact::repulsion::pair_forces::UnrepelledMotion;
@@ -107,7 +107,7 @@ pub(crate) struct SelfContact {
     skin_used: f64,
     /// Reach of lists around predicted paths, as a share of the nodes' edges, and the least.
     predicted_reach: f64,
-    least_reach: LeastReach,
+    least_predicted: f64,
     /// Time since the last collision-free state, at the last call of C [s].
     elapsed: f64,
     /// Strategy by which the collisions of this collision step are resolved.
@@ -166,7 +166,7 @@ impl SelfContact {
             displacement_rate: 0.0,
             skin_used: f64::INFINITY,
             predicted_reach: skin::FIRST_PREDICTED,
-            least_reach: LeastReach::of(place),
+            least_predicted: skin::least_predicted(place),
             elapsed: 0.0,
             effort: Strategy::Usual,
             without_repulsion: Vec::new(),
@@ -262,7 +262,7 @@ impl SelfContact {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
             let predicted = lasting.is_none().then(|| {
                 let ends = self.surface.predict(&self.paths.start, &state.v, bodies, [state.time, duration]);
-                PredictedPaths { ends, duration, reach_of_bodies: self.least_reach.bodies }
+                PredictedPaths { ends, duration }
             });
             self.rebuild(lasting.unwrap_or(self.predicted_reach), predicted);
             self.skin_used = self.displacement_at_start();
@@ -371,7 +371,7 @@ impl SelfContact {
         if self.proximity.predicted_duration().is_some() {
             let all = f64::from(self.surface.nodes().global_cloth_count());
             let left = departure.beyond as f64 / all.max(1.0);
-            self.predicted_reach = skin::predicted_after(self.predicted_reach, left, self.least_reach.cloth);
+            self.predicted_reach = skin::predicted_after(self.predicted_reach, left, self.least_predicted);
         }
         let outcome = self.resolve((bodies, &let_go), (duration, departure), may_rewind, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };

@@ -108,7 +108,7 @@ fn a_list_around_predicted_paths_holds_all_that_brute_force_finds() {
         let mut proximity = ProximityList::new(&surface);
         let (all, shift) = (all_pairs(&surface), random.vector());
         let ends: Vec<Vec3> = x.iter().map(|x| x + shift + random.vector() * 0.01).collect();
-        let predicted = PredictedPaths { ends: ends.clone(), duration, reach_of_bodies: 0.2 };
+        let predicted = PredictedPaths { ends: ends.clone(), duration };
         proximity.rebuild(&mut surface, &mut PairSearch::new(), &mut x, REACH, 0.0, Some(predicted));
         let edge = surface.edge_length().to_vec();
         for share in [0.0, 0.4, 1.0, 1.5] {

@@ -187,8 +187,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let (mut held, mut used) = (Vec::new(), Vec::new());
     for (time, reach, is_predicted) in [(0, 0.3, false), (0, 0.05, true), (1, 0.1, false)] {
         let mut x = heap.at(&surface, time);
-        let predicted =
-            is_predicted.then(|| PredictedPaths { ends: heap.at(&surface, 1), duration: 2.0, reach_of_bodies: 0.2 });
+        let predicted = is_predicted.then(|| PredictedPaths { ends: heap.at(&surface, 1), duration: 2.0 });
         proximity.rebuild(&mut surface, &mut search, &mut x, reach, GAP, predicted);
         assert_eq!(x, heap.at(&surface, time), "positions follow the ghosts");
         assert!(heap.agrees(&surface));
