@@ -61,3 +61,20 @@ def triangles(face_counts, face_indices):
         found += [(corners[0], corners[i + 1], corners[i]) for i in range(1, count - 1)]
         start += count
     return np.array(found, dtype=np.int64)
+
+
+def both_cuts(counts, indices):
+    """Triangles along both diagonals of quads: one set of them each."""
+    first, other, start = [], [], 0
+    for count in counts:
+        corners = indices[start : start + count]
+        start += count
+        if count == 4:
+            a, b, c, d = corners
+            first += [(a, b, c), (a, c, d)]
+            other += [(b, c, d), (b, d, a)]
+        else:
+            assert count == 3
+            first.append(tuple(corners))
+            other.append(tuple(corners))
+    return [np.array(cut, np.int64) for cut in (first, other)]

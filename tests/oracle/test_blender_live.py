@@ -15,7 +15,7 @@ import pytest
 
 from blender_session import blender_does, exporter_in, needs_blender, package
 from conftest import program
-from judges import ROOT, official, triangles, z_up
+from judges import ROOT, both_cuts, official, z_up
 
 ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
 ADDED = ["Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location"]
@@ -227,9 +227,8 @@ def test_contact_is_the_distance_to_the_nearest_other_surface(looks):
     assert result == ["FINISHED"] and legend[2] == "1: touching" and np.allclose(np.array(strip)[:, :3], ramp(0.0))
     place = upper["world_positions"][-1]
     # Quads are not flat, and Blender may cut them along either diagonal.
-    quads = lower["face_indices"].reshape(-1, 4)
     shares, errors = [], []
-    for faces in (triangles(lower["face_counts"], lower["face_indices"]), np.vstack([quads[:, [1, 2, 3]], quads[:, [1, 3, 0]]])):
+    for faces in both_cuts(lower["face_counts"], lower["face_indices"]):
         squared, _, _ = igl.point_mesh_squared_distance(place, lower["world_positions"][-1], faces)
         share = np.sqrt(squared) / max(thickness["high"], thickness["low"])
         # The floor is farther away, but it is thicker.

@@ -11,7 +11,7 @@ import pytest
 from body_depth import RELEASE_REACH, depths, distance_to_triangles
 from conftest import program
 from crossings import crossing_pairs
-from judges import hdf5, official
+from judges import both_cuts, hdf5, official
 
 BALL = 0.25
 
@@ -97,23 +97,6 @@ def run(tmp_path_factory):
         return runs[key]
 
     return run
-
-
-def both_cuts(counts, indices):
-    """Triangles along both diagonals of quads: one set of them each."""
-    first, other, start = [], [], 0
-    for count in counts:
-        corners = indices[start : start + count]
-        start += count
-        if count == 4:
-            a, b, c, d = corners
-            first += [(a, b, c), (a, c, d)]
-            other += [(b, c, d), (b, d, a)]
-        else:
-            assert count == 3
-            first.append(tuple(corners))
-            other.append(tuple(corners))
-    return [np.array(cut, np.int64) for cut in (first, other)]
 
 
 def crossing_cloth(points, cuts, vertices, body_cuts):

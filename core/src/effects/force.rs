@@ -113,7 +113,7 @@ pub trait Force: Send + Sync {
         &[]
     }
 
-    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the length of short steps.
+    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step where it is explicit.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
     /// Vertices of other parts that the force looks at: a part without such on other ranks need not wait for them.

@@ -105,8 +105,9 @@ pub(crate) struct SelfContact {
     displacement_rate: f64,
     /// Longest way since the list was made, at the last collision-free state.
     skin_used: f64,
-    /// Reach of lists around predicted paths, as a share of the nodes' edges, and the least.
+    /// Reach of lists around predicted paths, as a share of the nodes' edges.
     predicted_reach: f64,
+    /// Least such reach.
     least_predicted: f64,
     /// Time since the last collision-free state, at the last call of C [s].
     elapsed: f64,
