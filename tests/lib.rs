@@ -18,7 +18,7 @@ pub mod source_text;
 pub mod structure;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{Integrator, Scene, SceneDescription};
+use drapery_core::scene::{EffectRequest, Integrator, PinAnchor, PinTarget, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
 pub use drapery_selftest::scenes::*;
 
@@ -43,6 +43,32 @@ pub fn start(description: SceneDescription) -> Simulation {
     let frame = description.timeline.start;
     let scene = Scene::validate(description).unwrap_or_else(|p| panic!("{p}"));
     Simulation::new(scene, &FrameInput::to_frame(frame)).unwrap_or_else(|p| panic!("{p}"))
+}
+
+/// A square metre of `cells` by `cells` cells with springs of this stiffness [N/m], of which two pinned edges turn against each other by so
+/// many turns a second while they come closer, for some frames of 1/24 s; the choice of the integrator is left to the solver.
+pub fn wrung(cells: usize, stiffness: f64, turns: f64, frames: i64) -> SceneDescription {
+    let mut description = cloth(cells, 1.0 / cells as f64, stiffness);
+    description.solver.integrator = Integrator::Auto;
+    for effect in ["self_repulsion", "self_collision"] {
+        description.effects.push(EffectRequest::of_scene(effect));
+    }
+    for (column, side) in [(0, -1.0), (cells, 1.0)] {
+        for row in 0..=cells {
+            let vertices = vec![(row * (cells + 1) + column) as u32];
+            let radius = row as f64 / cells as f64 - 0.5;
+            let offset = |frame: i64| {
+                let time = frame as f64 / 24.0;
+                let angle = 0.5 * side * std::f64::consts::TAU * turns * time;
+                (time, Vec3::new(-side * 0.2 * time, radius * angle.sin(), radius * (angle.cos() - 1.0)))
+            };
+            add_pins(&mut description, vertices.clone());
+            let offsets = (0..=frames).map(offset).collect();
+            let target = PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets };
+            description.pins.last_mut().expect("it was added").target = target;
+        }
+    }
+    description
 }
 
 /// Goes on by `frames` frames; returns the last summary.

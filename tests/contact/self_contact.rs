@@ -157,6 +157,18 @@ fn storm(cells: usize, speed: f64) -> SceneDescription {
 }
 
 #[test]
+fn layers_of_a_rope_keep_a_distance_in_long_steps() {
+    let mut description = wrung(24, 1000.0, 1.5, 16);
+    description.solver.integrator = Integrator::TrBdf2;
+    let mut simulation = start(description);
+    let metrics = run_free(&mut simulation, 16);
+    // Tens of thousands where pairs push with no more than 4 kPa before their sides meet.
+    let hits = metrics.counted("collision_hits");
+    assert!(hits < 5000, "{hits}");
+    assert!(metrics.counted("repulsions") > 10_000, "layers touch");
+}
+
+#[test]
 fn a_storm_of_random_velocities_never_crosses_itself() {
     let mut simulation = start(storm(16, 100.0));
     let metrics = run_free(&mut simulation, 4);

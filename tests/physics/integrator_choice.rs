@@ -1,9 +1,8 @@
 //! The integrator of scenes that leave it to the solver (`docs/theory/tr_bdf2.md#when-long-steps-pay`).
 
-use drapery_core::Vec3;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{EffectRequest, Integrator, PinAnchor, PinTarget, Scene, SceneDescription};
+use drapery_core::scene::{Integrator, Scene, SceneDescription};
 use drapery_core::simulation::{Advance, FrameInput, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_tests::*;
@@ -97,31 +96,6 @@ fn every_number_of_ranks_chooses_the_same_and_moves_as_with_the_choice_written_o
 /// Frames of the wrung sheet, in one of which its integrator changes.
 const WRUNG_FRAMES: i64 = 8;
 
-/// A square metre of 1,152 triangles whose two pinned edges turn against each other, three turns a second, while they come closer.
-fn wrung() -> SceneDescription {
-    const CELLS: usize = 24;
-    let mut description = cloth(CELLS, 1.0 / CELLS as f64, 5000.0);
-    description.solver.integrator = Integrator::Auto;
-    for effect in ["self_repulsion", "self_collision"] {
-        description.effects.push(EffectRequest::of_scene(effect));
-    }
-    for (column, side) in [(0, -1.0), (CELLS, 1.0)] {
-        for row in 0..=CELLS {
-            let vertices = vec![(row * (CELLS + 1) + column) as u32];
-            let radius = row as f64 / CELLS as f64 - 0.5;
-            let offset = |frame: i64| {
-                let (time, angle) = (frame as f64 / 24.0, side * std::f64::consts::TAU * 1.5 * frame as f64 / 24.0);
-                (time, Vec3::new(-side * 0.2 * time, radius * angle.sin(), radius * (angle.cos() - 1.0)))
-            };
-            add_pins(&mut description, vertices.clone());
-            let offsets = (0..=WRUNG_FRAMES).map(offset).collect();
-            let target = PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets };
-            description.pins.last_mut().expect("it was added").target = target;
-        }
-    }
-    description
-}
-
 /// The frames behind which the integrator changes and the integrators that it changes to, and a snapshot of each frame.
 type Course = (Vec<(i64, Integrator)>, Vec<Snapshot>);
 
@@ -147,7 +121,8 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
     let on = |count: usize| {
         let work = |communicator| {
             let ranks = Ranks::new(communicator);
-            let scene = Scene::distribute(&ranks, ranks.is_first().then(wrung)).expect("a valid scene");
+            let scene = Scene::distribute(&ranks, ranks.is_first().then(|| wrung(24, 5000.0, 3.0, WRUNG_FRAMES)))
+                .expect("a valid scene");
             let start = scene.share_input(ranks.is_first().then(|| FrameInput::to_frame(0)));
             let mut simulation = Simulation::new(scene, &start).expect("a start");
             assert!(simulation.scene().may_change_integrator());
@@ -159,7 +134,7 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
     let Some((changed, Integrator::SemiImplicit)) = changes.first() else { panic!("no change: {changes:?}") };
     assert!(on(3) == (changes.clone(), snapshots.clone()), "three ranks");
     for stop in [changed - 1, *changed, changed + 1] {
-        let scene = Scene::validate(wrung()).expect("a valid scene");
+        let scene = Scene::validate(wrung(24, 5000.0, 3.0, WRUNG_FRAMES)).expect("a valid scene");
         let kept = &snapshots[stop as usize - 1];
         let mut resumed = Simulation::restore(scene, &FrameInput::to_frame(stop), kept).expect("a snapshot of it");
         assert!(resumed.snapshot() == *kept, "frame {stop}");

@@ -27,3 +27,4 @@ pub mod ranks;
 pub(crate) mod reduce;
 pub mod serial;
 pub mod simd4;
+pub mod working_set;

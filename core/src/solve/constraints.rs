@@ -60,11 +60,12 @@ impl Constraints {
         Self { parts: vec![Vec::new(); parts.count()] }
     }
 
-    /// Takes over what constrains the parts that are solved, and holds what has no mass: nothing says how it moves.
+    /// Takes over what constrains the unknowns, and holds what has no mass: nothing says how it moves.
     pub(super) fn update(&mut self, system: &BlockSystem<'_, impl Projection>) {
         let BlockSystem { parts, masses, worked_on, constraints, .. } = *system;
         parts.for_each(PerPart(&mut self.parts), &|part, list| {
-            if !worked_on[part] {
+            let worked_on = worked_on[part];
+            if worked_on.is_empty() {
                 return;
             }
             let list = &mut list.0[0];
@@ -76,8 +77,8 @@ impl Constraints {
                 column[..count].fill(Vec3::ith(axis, 1.0));
                 constraints.project(part, &mut column[..count]);
             }
-            for (vertex, mass) in masses.iter().enumerate() {
-                let columns = match *mass {
+            for vertex in worked_on.ranges(count).flatten() {
+                let columns = match masses[vertex] {
                     0.0 => [Vec3::zeros(); 3],
                     _ => [0, 1, 2].map(|axis| columns[axis][vertex]),
                 };

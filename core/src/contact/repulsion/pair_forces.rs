@@ -45,6 +45,8 @@ pub(crate) struct PairStage<'a> {
     pub unrepelled: &'a UnrepelledMotion,
     /// Length of the step [s].
     pub dt: f64,
+    /// Whether each node has another position or velocity than in the evaluation before; `None` if any may have.
+    pub moved: Option<&'a [bool]>,
     /// True for a guess of Newton's method, about which the law of each pair is linearised; false for the state at the start of the step.
     pub is_guess: bool,
 }
@@ -185,13 +187,18 @@ pub(super) fn pair_forces(
         let found = before.binary_search_by(|other| other.pair.cmp(pair));
         found.map_or(PairHistory::NONE, |found| PairHistory::after(&before[found]))
     };
-    let mut all = Vec::new();
+    // A pair of which no node has moved has the force that it had.
+    let has_moved = |nodes: &[u32; 4]| at.moved.is_none_or(|moved| nodes.iter().any(|node| moved[*node as usize]));
+    let mut all: Vec<PairForce> = match at.moved {
+        Some(_) => before.iter().filter(|pair| !has_moved(&pair.nodes)).copied().collect(),
+        None => Vec::new(),
+    };
     for of_kind in &*kinds {
         let chunks = of_kind.oriented.par_chunks(CHUNK).zip(of_kind.damping_times.par_chunks(CHUNK));
         let of_chunk = |(pairs, times): (&[OrientedPair], &[f64])| {
             let mut near = Vec::new();
             for (pair, time) in pairs.iter().zip(times) {
-                if !pair.is_out_of_touch(at, *time) {
+                if has_moved(&pair.pair.nodes) && !pair.is_out_of_touch(at, *time) {
                     near.push(pair);
                 }
             }
@@ -214,7 +221,7 @@ struct PairSpring {
 
 impl PairSpring {
     /// Push of a pair that yields by all of its thickness, over the push of a spring that is linear from the first touch on.
-    const FULL_PUSH: f64 = STIFFENING - 0.5 * ONSET;
+    const FULL_PUSH: f64 = 1.0 + STIFFENING[0] + STIFFENING[1] - 0.5 * ONSET;
 
     /// The spring of a pair of which the linear stiffness is `linear` [N/m] where nothing presses it. It is stiffer where more presses it
     /// [N] than it bears before its sides meet: with any bound of its push a stage would take the sides through each other, and C would
@@ -228,12 +235,13 @@ impl PairSpring {
     /// so that Newton's method finds the push of a pair without turning round.
     fn at(&self, y: f64) -> (f64, f64) {
         let Self { linear, thickness } = *self;
-        // p = P o/H (1 + (s - 1) (o/H)²), less what the onset takes, and the tangent at o = H beyond it.
+        // p = P (s + a s³ + b s⁴) with s = o/H, less what the onset takes, and the tangent at o = H beyond it.
         let inside = y.min(thickness);
-        let begun = (inside / (ONSET * thickness)).min(1.0);
-        let yielded = (inside / thickness).powi(2) * (STIFFENING - 1.0);
-        let stiffness = linear * (begun + 3.0 * yielded);
-        let push = linear * ((begun + yielded) * inside - 0.5 * begun * begun * ONSET * thickness);
+        let share = inside / thickness;
+        let begun = (share / ONSET).min(1.0);
+        let [third, fourth] = [STIFFENING[0] * share.powi(2), STIFFENING[1] * share.powi(3)];
+        let stiffness = linear * (begun + 3.0 * third + 4.0 * fourth);
+        let push = linear * ((begun + third + fourth) * inside - 0.5 * begun * begun * ONSET * thickness);
         (push + stiffness * (y - inside), stiffness)
     }
 
