@@ -40,10 +40,6 @@ pub(crate) const ROUGH: f64 = 10.0;
 /// a step falls freely, and stacks bounce for ever. Guarded by `exactly_the_known_hard_cases_fail_in_long_steps`.
 pub(crate) const CONVERGED: f64 = 3.0;
 
-/// Displacement of a vertex up to which its part keeps its rows of the matrix in later rounds, in mean edge lengths. Guarded by
-/// `rows_that_a_round_keeps_are_nearly_the_new_ones`.
-pub(crate) const MATRIX_KEPT: f64 = 0.08;
-
 // Contact.
 
 /// Pressure at which a pair that yields by all of its thickness would push if its spring were linear [Pa]. Guarded by
@@ -52,8 +48,8 @@ pub(crate) const PRESSURE: f64 = 1000.0;
 
 /// Factors of the cube and of the fourth power of the overlap over the thickness in the force of a pair, of which the linear part has 1: waistbands,
 /// which press with kilopascals, keep a distance too, and ropes of cloth, which press with tens of them. Guarded by
-/// `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
-pub(crate) const STIFFENING: [f64; 2] = [3.0, 30.0];
+/// `a_pair_in_the_solves_keeps_its_distance_under_pressure` and `layers_of_a_rope_keep_a_distance_in_long_steps`.
+pub(crate) const STIFFENING: [f64; 2] = [3.0, 50.0];
 
 /// Overlap over the thickness up to which the spring's stiffness grows from nothing. With all of it at the first touch, pairs of sheets
 /// that slide on each other came and went from round to round. Guarded by `a_pair_in_the_solves_keeps_its_distance_under_pressure`.

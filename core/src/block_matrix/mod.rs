@@ -26,7 +26,6 @@ use nalgebra::Matrix3;
 use crate::Vec3;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use block::{
     Coefficients, OuterFactor, add_symmetric, full_block, full_symmetric, subtract_outer_product, symmetric_product,
 };
@@ -171,25 +170,25 @@ impl PartBlocks {
     pub fn multiply(&self, s: &[Vec3], q: &mut [Vec3]) {
         let (mut own, mut product) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
         let own = Simd4::copy(&s[self.pattern.range()], &mut own);
-        self.product(WorkingSet::ALL, own, |other| Simd4::from(&s[other]), &mut product[..own.len()]);
+        self.product(own, |other| Simd4::from(&s[other]), &mut product[..own.len()]);
         q.iter_mut().zip(product).for_each(|(q, product)| *q = product.into());
     }
 
-    /// The same with padded vectors, in the rows of a set; the others get anything.
-    pub(crate) fn multiply_padded(&self, rows: WorkingSet, s: &[Simd4], q: &mut [Simd4]) {
-        self.product(rows, &s[self.pattern.range()], |other| s[other], q);
+    /// The same with padded vectors.
+    pub(crate) fn multiply_padded(&self, s: &[Simd4], q: &mut [Simd4]) {
+        self.product(&s[self.pattern.range()], |other| s[other], q);
     }
 
-    /// `q = A s` in the rows of a set, `s` and `q` the part's own; `at` has s of any local vertex.
+    /// `q = A s`, `s` and `q` the part's own; `at` has s of any local vertex.
     #[inline(always)]
-    fn product(&self, rows: WorkingSet, s: &[Simd4], at: impl Fn(usize) -> Simd4, q: &mut [Simd4]) {
+    fn product(&self, s: &[Simd4], at: impl Fn(usize) -> Simd4, q: &mut [Simd4]) {
         let q = &mut q[..s.len()];
         for ((q, s), block) in q.iter_mut().zip(s).zip(self.diagonal.windows(7).step_by(6)) {
             *q = symmetric_product(block, *s);
         }
-        let (blocks, inside, starts) = (self.blocks.as_flattened(), self.pattern.inside(), self.pattern.starts());
-        for vertex in self.pattern.rows_with(rows) {
-            let (start, end) = (starts[vertex] as usize, starts[vertex + 1] as usize);
+        let (blocks, inside) = (self.blocks.as_flattened(), self.pattern.inside());
+        for (vertex, ends) in self.pattern.starts().windows(2).enumerate() {
+            let (start, end) = (ends[0] as usize, ends[1] as usize);
             let (own, mut sum) = (s[vertex], q[vertex]);
             let row = blocks[9 * start..9 * end + 9].windows(12).step_by(9);
             for (other, block) in inside[start..end].iter().zip(row) {
@@ -233,16 +232,12 @@ impl PartBlocks {
         self.blocks[self.pattern.inside().len()..].iter().map(full_block)
     }
 
-    /// The blocks of A on the diagonal of the part's vertices, D_i + sum_j B_ij, right for those of a set.
-    pub(crate) fn diagonal_blocks(&self, rows: WorkingSet) -> Vec<Matrix3<f64>> {
+    /// The blocks of A on the diagonal of the part's vertices: D_i + sum_j B_ij.
+    pub(crate) fn diagonal_blocks(&self) -> Vec<Matrix3<f64>> {
         let mut sums: Vec<Matrix3<f64>> = self.own_diagonal().collect();
-        let (inside, starts) = (self.pattern.inside(), self.pattern.starts());
-        for vertex in self.pattern.rows_with(rows) {
-            for place in starts[vertex] as usize..starts[vertex + 1] as usize {
-                let block = full_block(&self.blocks[place]);
-                sums[vertex] += block;
-                sums[usize::from(inside[place])] += block.transpose();
-            }
+        for ((vertex, other), block) in self.inside_pairs().zip(self.inside_blocks()) {
+            sums[vertex] += block;
+            sums[other] += block.transpose();
         }
         for ((vertex, _), block) in self.outside_pairs().iter().zip(self.outside_blocks()) {
             sums[*vertex as usize] += block;

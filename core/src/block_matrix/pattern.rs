@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use crate::parallel::working_set::{RUN, WorkingSet};
-
 /// The pairs of a part, ascending: those inside the part, each in the row of its lower vertex, and then those with vertices of
 /// other parts. Local numbers ascend as those of the scene do, so this order, which is that of every sum, depends on the scene
 /// alone.
@@ -15,8 +13,6 @@ pub(super) struct Pattern {
     starts: Vec<u32>,
     /// The other vertex of each pair inside the part, counted from the part's first.
     inside: Vec<u16>,
-    /// Vertices of each run of rows and of its pairs inside the part.
-    of_runs: Vec<WorkingSet>,
     /// Pairs that reach out: the vertex counted from the part's first, and the other one in local numbers.
     outside: Vec<(u32, u32)>,
 }
@@ -43,10 +39,8 @@ impl Pattern {
         });
         let start = |vertex: usize| inside.partition_point(|pair| (pair.0 as usize) < vertex) as u32;
         let starts = (0..=range.len()).map(start).collect();
-        let mut of_runs: Vec<WorkingSet> = (0..range.len()).step_by(RUN).map(WorkingSet::of).collect();
-        inside.iter().for_each(|(low, high)| of_runs[*low as usize / RUN] |= WorkingSet::of(*high as usize));
         // Parts are small enough for half a word.
-        Self { range, starts, inside: inside.iter().map(|pair| pair.1 as u16).collect(), of_runs, outside }
+        Self { range, starts, inside: inside.iter().map(|pair| pair.1 as u16).collect(), outside }
     }
 
     /// Returns the place of the block of a pair.
@@ -74,14 +68,6 @@ impl Pattern {
     /// First pair inside the part of each vertex, and the number of all at the end.
     pub(super) fn starts(&self) -> &[u32] {
         &self.starts
-    }
-
-    /// Rows that are in a set, or have a pair inside the part with a vertex of it.
-    #[inline]
-    pub(super) fn rows_with(&self, set: WorkingSet) -> impl Iterator<Item = usize> {
-        let count = self.range.len();
-        let runs = self.of_runs.iter().enumerate().filter(move |(_, of_run)| of_run.meets(set));
-        runs.flat_map(move |(run, _)| RUN * run..(RUN * run + RUN).min(count))
     }
 
     /// The other vertex of each pair inside the part, counted from the part's first.
@@ -120,10 +106,7 @@ impl Pattern {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.starts)
-            + size_of_val(&*self.inside)
-            + size_of_val(&*self.of_runs)
-            + size_of_val(&*self.outside)
+        size_of_val(&*self.starts) + size_of_val(&*self.inside) + size_of_val(&*self.outside)
     }
 }
 

@@ -61,31 +61,9 @@ fn diagonal_blocks_are_those_of_the_matrix_of_all_elements() {
     let (dense, parts) = (sheet.dense(), sheet.parts(&Ranks::default()));
     let matrix = sheet.matrix(&parts);
     for (range, rows) in parts.ranges().iter().zip(matrix.parts()) {
-        for (vertex, block) in range.clone().zip(rows.diagonal_blocks(WorkingSet::ALL)) {
+        for (vertex, block) in range.clone().zip(rows.diagonal_blocks()) {
             let expected = dense.fixed_view::<3, 3>(3 * vertex, 3 * vertex);
             assert!((block - expected).norm() < BLOCK_ERROR, "{vertex}");
-        }
-    }
-}
-
-#[test]
-fn rows_of_a_working_set_are_those_of_the_matrix() {
-    let sheet = Sheet::new(20, 50.0, 2);
-    let parts = sheet.parts(&Ranks::default());
-    let (matrix, vectors) = (sheet.matrix(&parts), random_vectors(sheet.x.len()));
-    let s: Vec<Simd4> = vectors.iter().map(Simd4::from).collect();
-    for (range, rows) in parts.ranges().iter().zip(matrix.parts()) {
-        for set in [WorkingSet::of(3), WorkingSet::of(70) | WorkingSet::of(120), WorkingSet::ALL] {
-            let (mut whole, mut some) = (vec![Vec3::zeros(); range.len()], vec![Simd4::ZERO; range.len()]);
-            rows.multiply(&vectors, &mut whole);
-            rows.multiply_padded(set, &s, &mut some);
-            let blocks = [set, WorkingSet::ALL].map(|set| rows.diagonal_blocks(set));
-            for vertex in set.ranges(range.len()).flatten() {
-                assert!(
-                    Vec3::from(some[vertex]) == whole[vertex] && blocks[0][vertex] == blocks[1][vertex],
-                    "{vertex}"
-                );
-            }
         }
     }
 }

@@ -7,7 +7,6 @@ use crate::block_matrix::{PartBlocks, Slot};
 use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::{PartSimd4, Simd4};
-use crate::parallel::working_set::WorkingSet;
 use crate::pins::PinTargets;
 use crate::snapshot::elements::ElementRows;
 use crate::volumes::Volumes;
@@ -43,8 +42,6 @@ pub struct PartView<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle; γ and 1 at the stages of long steps.
     pub fraction: f64,
-    /// Vertices whose forces are asked for. Elements that have none of them may be left out.
-    pub worked_on: WorkingSet,
     /// Everything else.
     pub context: ForceContext<'a>,
 }
@@ -71,12 +68,10 @@ pub struct PartMotion<'a> {
     pub own_x: &'a [Simd4],
     /// Velocities of the part's vertices [m/s].
     pub own_v: &'a [Simd4],
-    /// Vertices whose forces are asked for, as in [`PartView`].
-    pub worked_on: WorkingSet,
 }
 
 impl<'a> PartMotion<'a> {
-    /// Calls `work` with the motion of a part that holds these vertices, all of which are worked on.
+    /// Calls `work` with the motion of a part that holds these vertices.
     pub(crate) fn with<R>(
         part: Range<usize>,
         x: &'a [Vec3],
@@ -86,7 +81,7 @@ impl<'a> PartMotion<'a> {
         let (mut own_x, mut own_v) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
         let own_x = Simd4::copy(&x[part.clone()], &mut own_x);
         let own_v = Simd4::copy(&v[part], &mut own_v);
-        work(&PartMotion { x, v, own_x, own_v, worked_on: WorkingSet::ALL })
+        work(&PartMotion { x, v, own_x, own_v })
     }
 }
 

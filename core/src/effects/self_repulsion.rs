@@ -50,7 +50,7 @@ friction = 0.5",
             default: Default::Number(30.0),
             range: (0.0, 1e9),
             help: "repulsion modulus: how hard pairs closer than their thickness are pushed apart; not with `tr_bdf2`, \
-                   where layers touch at a pressure of 34 kPa",
+                   where layers touch at a pressure of 54 kPa",
         },
         Field {
             name: "limit",
@@ -112,7 +112,7 @@ fn check_unused(settings: &Settings, context: &BuildContext<'_>) -> Result<(), P
         Some(key) => Err(Problem::scene(
             SPEC.name,
             format!(
-                "`{key}` has no effect with `{}`, with which layers touch at a pressure of 34 kPa",
+                "`{key}` has no effect with `{}`, with which layers touch at a pressure of 54 kPa",
                 integrator.word()
             ),
             "leave it out, or write integrator = \"semi_implicit\" under [solver]",

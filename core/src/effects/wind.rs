@@ -304,7 +304,6 @@ mod tests {
     use crate::effects::registry::build_all;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
-    use crate::parallel::working_set::WorkingSet;
     use crate::pins::PinTargets;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
     use crate::volumes::Volumes;
@@ -325,8 +324,7 @@ mod tests {
         let x = scene.start_state()[0].clone();
         let (targets, wind) = (PinTargets::default(), WindGrid::default());
         let context = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
-        let view =
-            PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, worked_on: WorkingSet::ALL, context };
+        let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, context };
         let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
         let mut all: Vec<Box<dyn Force>> =
             effects.into_iter().flat_map(|(_, effect)| effect.forces).map(|(_, force)| force).collect();

@@ -27,4 +27,3 @@ pub mod ranks;
 pub(crate) mod reduce;
 pub mod serial;
 pub mod simd4;
-pub mod working_set;

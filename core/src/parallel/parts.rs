@@ -14,7 +14,8 @@ use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::{ReductionTree, SUM_BLOCK};
 
-/// Largest number of vertices of a part. Small enough for dozens of ranks to have equal shares, large enough for the springs that
+/// Largest number of vertices of a part. Small enough for rounds of Newton's method to leave out what is done
+/// (`docs/dev/decisions/0029-newton-rounds.md`) and for dozens of ranks to have equal shares, large enough for the springs that
 /// cross a border (and are evaluated on both sides) to be one in ten.
 pub const PART_SIZE: usize = 512;
 

@@ -10,7 +10,6 @@ use crate::effects::spec::NANOSECONDS;
 use crate::error::Problems;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;
@@ -82,14 +81,7 @@ impl Simulation {
         for (part, force) in forces.iter_mut() {
             let range = parts.ranges()[*part].clone();
             let x = &self.cloth.state.x[..];
-            let view = PartView {
-                start: range.start,
-                masses: &masses[range.clone()],
-                x,
-                fraction: 0.0,
-                worked_on: WorkingSet::ALL,
-                context,
-            };
+            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, context };
             let (mut own_x, mut f) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
             let (own_x, f) = (Simd4::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
             // The fastest of them: what else the machine does is not to count.

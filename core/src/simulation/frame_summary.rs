@@ -13,7 +13,6 @@ use crate::mesh::TriangleMesh;
 use crate::metrics::Metrics;
 use crate::parallel::message::codec;
 use crate::parallel::reduce::weighted_dot;
-use crate::parallel::working_set::WorkingSet;
 use crate::scene::Integrator;
 use crate::state::State;
 use crate::step::Dynamics;
@@ -203,14 +202,7 @@ impl Simulation {
         for (range, forces) in parts.ranges().iter().zip(&self.dynamics.forces) {
             let (own, v) = (&masses[range.clone()], &self.cloth.state.v[range.clone()]);
             kinetic.push(0.5 * weighted_dot(own, v, v));
-            let view = PartView {
-                start: range.start,
-                masses: own,
-                x: &self.cloth.state.x,
-                fraction: 1.0,
-                worked_on: WorkingSet::ALL,
-                context,
-            };
+            let view = PartView { start: range.start, masses: own, x: &self.cloth.state.x, fraction: 1.0, context };
             potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);

@@ -1,7 +1,5 @@
 //! Inverses of the diagonal blocks of A.
 
-use std::ops::Range;
-
 use nalgebra::Matrix3;
 
 use crate::block_matrix::block::stored_symmetric;
@@ -33,12 +31,6 @@ impl BlockInverses {
     #[inline(always)]
     pub(super) fn blocks(&self) -> impl Iterator<Item = &[f32]> {
         self.0.windows(7).step_by(6)
-    }
-
-    /// Those of a range.
-    #[inline(always)]
-    pub(super) fn blocks_of(&self, range: Range<usize>) -> impl Iterator<Item = &[f32]> {
-        self.0[6 * range.start..=6 * range.end].windows(7).step_by(6)
     }
 
     /// One of the blocks, with what is read behind it.

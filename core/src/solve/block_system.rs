@@ -3,7 +3,6 @@
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
 use crate::parallel::parts::Parts;
-use crate::parallel::working_set::WorkingSet;
 
 /// Constraints of a solve: an orthogonal projection of each vertex' vector.
 pub trait Projection: Sync {
@@ -18,9 +17,9 @@ pub struct BlockSystem<'a, C> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg]; one without mass is held.
     pub masses: &'a [f64],
-    /// Vertices of each part that are unknowns; the others stay as they are.
-    pub worked_on: &'a [WorkingSet],
-    /// A [kg], but for the pairs; rows of unknowns are complete.
+    /// Parts whose vertices are unknowns; those of the others stay as they are.
+    pub worked_on: &'a [bool],
+    /// A [kg], but for the pairs.
     pub matrix: &'a BlockMatrix,
     /// P.
     pub constraints: &'a C,

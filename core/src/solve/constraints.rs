@@ -60,12 +60,11 @@ impl Constraints {
         Self { parts: vec![Vec::new(); parts.count()] }
     }
 
-    /// Takes over what constrains the unknowns, and holds what has no mass: nothing says how it moves.
+    /// Takes over what constrains the parts that are solved, and holds what has no mass: nothing says how it moves.
     pub(super) fn update(&mut self, system: &BlockSystem<'_, impl Projection>) {
         let BlockSystem { parts, masses, worked_on, constraints, .. } = *system;
         parts.for_each(PerPart(&mut self.parts), &|part, list| {
-            let worked_on = worked_on[part];
-            if worked_on.is_empty() {
+            if !worked_on[part] {
                 return;
             }
             let list = &mut list.0[0];
@@ -77,8 +76,8 @@ impl Constraints {
                 column[..count].fill(Vec3::ith(axis, 1.0));
                 constraints.project(part, &mut column[..count]);
             }
-            for vertex in worked_on.ranges(count).flatten() {
-                let columns = match masses[vertex] {
+            for (vertex, mass) in masses.iter().enumerate() {
+                let columns = match *mass {
                     0.0 => [Vec3::zeros(); 3],
                     _ => [0, 1, 2].map(|axis| columns[axis][vertex]),
                 };

@@ -6,7 +6,6 @@ use crate::effects::force::{BlockFactors, Force, ForceContext, PartMotion, PartV
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::implicit_velocity::PartForces;
 
 /// Slots of the blocks of elements in the matrix: for each part and each of its forces the slots of all elements that the force
@@ -55,8 +54,8 @@ pub(crate) struct ForceEvaluation<'a> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// Vertices of each part that are worked on; forces on the others stay what they were.
-    pub worked_on: &'a [WorkingSet],
+    /// Parts that are worked on; forces on the others and their rows of the matrix stay what they were.
+    pub worked_on: &'a [bool],
     /// Positions of the local vertices [m], ghosts like those of their owners.
     pub x: &'a [Vec3],
     /// Velocities, likewise [m/s].
@@ -71,28 +70,26 @@ impl ForceEvaluation<'_> {
     /// The forces on own vertices [N]: those that depend on positions and those that depend on velocities.
     pub(crate) fn forces(&self, forces: &mut PartForces, f: &mut [Vec3]) {
         self.parts.for_each((PerVertex(f), PerPart(forces)), &|part, (f, forces)| {
-            if !self.worked_on[part].is_empty() {
+            if self.worked_on[part] {
                 self.of_part(part, &mut forces.0[0], f.0, None);
             }
         });
     }
 
-    /// The same, and the matrix `M + damping · D + stiffness · K` there in parts with new rows, also of vertices that are not worked on;
-    /// `matrix` and `slots` are those of [`matrix_of`].
+    /// The same, and the matrix `M + damping · D + stiffness · K` there; `matrix` and `slots` are those of [`matrix_of`].
     pub(crate) fn linearise(
         &self,
         forces: &mut PartForces,
         f: &mut [Vec3],
-        (factors, is_new): (BlockFactors, &[bool]),
+        factors: BlockFactors,
         matrix: &mut BlockMatrix,
         slots: &ElementSlots,
     ) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
-            if !self.worked_on[part].is_empty() {
-                let rows = is_new[part].then_some(&mut rows.0[0]);
-                let assembly = rows.map(|rows| Assembly { factors, slots: slots.of_part(part), rows });
-                self.of_part(part, &mut forces.0[0], f.0, assembly);
+            if self.worked_on[part] {
+                let assembly = Assembly { factors, slots: slots.of_part(part), rows: &mut rows.0[0] };
+                self.of_part(part, &mut forces.0[0], f.0, Some(assembly));
             }
         });
     }
@@ -101,22 +98,18 @@ impl ForceEvaluation<'_> {
         let range = self.parts.ranges()[part].clone();
         let masses = &self.masses[range.clone()];
         let Self { x, fraction, context, .. } = *self;
-        let worked_on = self.worked_on[part];
-        let view = PartView { start: range.start, masses, x, fraction, worked_on, context };
+        let view = PartView { start: range.start, masses, x, fraction, context };
         let mut f = [Simd4::ZERO; PART_SIZE];
         view.update(forces, &mut f);
         let f = &mut f[..range.len()];
         PartMotion::with(range, x, self.v, |motion| {
-            let motion = &PartMotion { worked_on, ..*motion };
             for force in forces.iter() {
                 force.add_damping(motion, f);
                 let drag = force.vertex_drag().iter().zip(motion.own_v);
                 f.iter_mut().zip(drag).for_each(|(f, (drag, v))| *f -= *v * *drag);
             }
         });
-        for range in worked_on.ranges(f.len()) {
-            out[range.clone()].iter_mut().zip(&f[range]).for_each(|(out, f)| *out = Vec3::from(*f));
-        }
+        out.iter_mut().zip(&*f).for_each(|(out, f)| *out = Vec3::from(*f));
         let Some(Assembly { factors, slots, rows }) = assembly else { return };
         rows.clear();
         masses.iter().enumerate().for_each(|(vertex, mass)| rows.add_scalar(vertex, *mass));

@@ -12,7 +12,6 @@ use crate::effects::force::{Force, ForceContext, PartForce, PartMotion, PartView
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::pins::HardPins;
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System};
 
@@ -160,7 +159,7 @@ impl VelocityProblem<'_> {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
             let Self { x, fraction, context, .. } = *self;
-            let view = PartView { start: range.start, masses, x, fraction, worked_on: WorkingSet::ALL, context };
+            let view = PartView { start: range.start, masses, x, fraction, context };
             let mut f = [Simd4::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));

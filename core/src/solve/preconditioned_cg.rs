@@ -7,14 +7,15 @@
 //! stored. With several ranks it is two latencies: one for the sum of a product; one for the sums of a step, for the residuals of the
 //! coarse levels, and for the ghosts, of which the directions follow from residuals ([`GhostDirections`]).
 
+use std::ops::Range;
+
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
 use crate::long_steps::FORCING;
 use crate::parallel::for_each_part::{PerBlock, PerPart, PerVertex};
-use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::parallel::parts::Parts;
 use crate::parallel::reduce::{SUM_BLOCK, largest};
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::block_jacobi::BlockInverses;
 pub use crate::solve::block_system::{BlockSystem, Projection};
 use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Stop};
@@ -23,8 +24,6 @@ use crate::solve::ghost_directions::{AT_REST, GhostDirections, GhostRow};
 use crate::solve::multilevel::Multilevel;
 use crate::solve::pair_terms::PairTerms;
 use crate::solve::volume_terms::VolumeTerms;
-
-const _: () = assert!(PART_SIZE <= SUM_BLOCK, "the sums of a part are one block");
 
 /// Stopping rule of the solves of Newton's method: errors that the next step makes anyway are not worth iterations
 /// (S. C. Eisenstat, H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17,
@@ -130,24 +129,22 @@ impl PreconditionedCg {
     pub fn prepare(&mut self, system: &BlockSystem<'_, impl Projection>) {
         self.prepare_finest(system);
         let parts = system.parts;
-        self.begin_ghosts(parts, &vec![WorkingSet::ALL; parts.count()]);
+        self.begin_ghosts(parts, &vec![true; parts.count()]);
         self.ghosts.send_rows(parts.ranks());
         self.coarse.prepare(parts, system.matrix, &self.pairs, &self.constraints, &self.ghosts);
     }
 
-    /// The same on the finest level alone, for the unknowns.
+    /// The same on the finest level alone, in the parts that are solved.
     pub(crate) fn prepare_finest(&mut self, system: &BlockSystem<'_, impl Projection>) {
         let (parts, pairs) = (system.parts, &self.pairs);
         self.constraints.update(system);
         parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
-            let worked_on = system.worked_on[part];
-            if worked_on.is_empty() {
+            if !system.worked_on[part] {
                 return;
             }
-            let mut blocks = system.matrix.parts()[part].diagonal_blocks(worked_on);
+            let mut blocks = system.matrix.parts()[part].diagonal_blocks();
             pairs.add_diagonal(part, &mut blocks);
-            let unknowns = worked_on.ranges(blocks.len()).flatten();
-            unknowns.for_each(|vertex| inverses.0[0].set(vertex, &blocks[vertex]));
+            blocks.iter().enumerate().for_each(|(vertex, block)| inverses.0[0].set(vertex, block));
         });
     }
 
@@ -201,12 +198,11 @@ impl PreconditionedCg {
         let coarse = self.coarse.parts_mut();
         for ((range, worked_on), coarse) in parts.ranges().iter().zip(system.worked_on).zip(coarse) {
             let own = range.start - start..range.end - start;
-            if worked_on.is_empty() {
+            if *worked_on {
+                self.r[own.clone()].iter_mut().zip(&b[own]).for_each(|(r, b)| *r = Simd4::from(b));
+            } else {
                 coarse.restrict(&self.r[own]);
-                continue;
             }
-            let (r, b) = (&mut self.r[own.clone()], &b[own]);
-            worked_on.ranges(r.len()).flatten().for_each(|vertex| r[vertex] = Simd4::from(&b[vertex]));
         }
         let masses = &system.masses[system.parts.own()];
         let inverse = |mass: &f64| if *mass > 0.0 { mass.recip() } else { 0.0 };
@@ -219,12 +215,12 @@ impl PreconditionedCg {
     }
 
     /// Lays out the ghosts, and the rows of own vertices that other ranks get.
-    fn begin_ghosts(&mut self, parts: &Parts, worked_on: &[WorkingSet]) {
+    fn begin_ghosts(&mut self, parts: &Parts, worked_on: &[bool]) {
         let Self { constraints, inverses, coarse, pairs, ghosts, .. } = self;
         ghosts.begin(parts, pairs.nodes(), |vertex| {
             let part = parts.part_of(vertex);
             let place = vertex - parts.ranges()[part].start;
-            let node = if worked_on[part].contains(place) { coarse.node(vertex) } else { AT_REST };
+            let node = if worked_on[part] { coarse.node(vertex) } else { AT_REST };
             GhostRow {
                 columns: constraints.columns(part, place),
                 inverse: inverses[part].block(place),
@@ -285,27 +281,26 @@ impl PreconditionedCg {
         let coarse = PerPart(self.coarse.parts_mut());
         let first = parts.own().start;
         parts.for_each((vectors, sums, coarse), &|part, ((r, q), (dots, residuals), coarse)| {
-            let (r, q, worked_on) = (r.0, q.0, system.worked_on[part]);
-            if worked_on.is_empty() {
+            if !system.worked_on[part] {
                 return;
             }
-            for range in worked_on.ranges(r.len()) {
-                r[range.clone()].iter_mut().zip(&q[range]).for_each(|(r, q)| *r -= *q * alpha);
-            }
-            constraints.project(part, r);
-            let inverse_masses = &inverse_masses[parts.ranges()[part].start - first..];
-            let (mut sum, mut largest) = (Simd4::ZERO, 0.0_f64);
-            for range in worked_on.ranges(r.len()) {
-                let vertices = inverse_masses[range.clone()].iter().zip(&r[range.clone()]);
-                for ((inverse_mass, r), block) in vertices.zip(inverses[part].blocks_of(range)) {
+            r.0.iter_mut().zip(&*q.0).for_each(|(r, q)| *r -= *q * alpha);
+            constraints.project(part, r.0);
+            let Range { start, end } = parts.ranges()[part];
+            let inverse_masses = &inverse_masses[start - first..end - first];
+            let mut blocks = inverses[part].blocks();
+            let chunks = inverse_masses.chunks(SUM_BLOCK).zip(r.0.chunks(SUM_BLOCK));
+            for ((dot, residual), (masses, r)) in dots.0.iter_mut().zip(residuals.0).zip(chunks) {
+                let (mut sum, mut largest) = (Simd4::ZERO, 0.0_f64);
+                for ((inverse_mass, r), block) in masses.iter().zip(r).zip(&mut blocks) {
                     sum += r.component_mul(BlockInverses::times(block, *r));
                     let nodal = *r * *inverse_mass;
                     // What is no number is seen in the sum, and passed over here.
                     largest = largest.max(nodal.dot(nodal));
                 }
+                (*dot, *residual) = (sum.sum(), largest);
             }
-            (dots.0[0], residuals.0[0]) = (sum.sum(), largest);
-            coarse.0[0].restrict(r);
+            coarse.0[0].restrict(r.0);
         });
         let Self { coarse, ghosts, r, dots, residuals, .. } = self;
         let join = || coarse.solve(parts, dots, largest(residuals));
@@ -321,16 +316,15 @@ impl PreconditionedCg {
         self.ghosts.local_directions().for_each(|(ghost, s)| self.s[ghost] = s);
         let vectors = (PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.d[own]), PerVertex(&mut self.r));
         parts.for_each(vectors, &|part, (s, d, r)| {
-            let (s, d, r) = (s.0, d.0, r.0);
-            for range in system.worked_on[part].ranges(s.len()) {
-                let vectors = s[range.clone()].iter_mut().zip(&mut d[range.clone()]).zip(&r[range.clone()]);
-                let steps = vectors.zip(inverses[part].blocks_of(range.clone()));
-                for ((((s, d), r), block), x) in steps.zip(coarse.corrections(part, range)) {
-                    *d += *s * alpha;
-                    *s = BlockInverses::times(block, *r) + x + *s * beta;
-                }
+            if !system.worked_on[part] {
+                return;
             }
-            constraints.project(part, s);
+            let steps = s.0.iter_mut().zip(&mut *d.0).zip(&*r.0).zip(inverses[part].blocks());
+            for ((((s, d), r), block), x) in steps.zip(coarse.corrections(part)) {
+                *d += *s * alpha;
+                *s = BlockInverses::times(block, *r) + x + *s * beta;
+            }
+            constraints.project(part, s.0);
         });
     }
 
@@ -341,20 +335,19 @@ impl PreconditionedCg {
         self.volumes.multiply(parts, s);
         let (constraints, pairs, volumes) = (&self.constraints, &self.pairs, &self.volumes);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
-            let (q, worked_on) = (q.0, system.worked_on[part]);
-            if worked_on.is_empty() {
+            if !system.worked_on[part] {
                 return;
             }
-            system.matrix.parts()[part].multiply_padded(worked_on, s, q);
-            pairs.add_product(part, q);
-            volumes.add_product(parts, part, q);
-            constraints.project(part, q);
-            let s = &s[parts.ranges()[part].clone()];
-            let mut sum = Simd4::ZERO;
-            for range in worked_on.ranges(q.len()) {
-                s[range.clone()].iter().zip(&q[range]).for_each(|(s, q)| sum += s.component_mul(*q));
+            system.matrix.parts()[part].multiply_padded(s, q.0);
+            pairs.add_product(part, q.0);
+            volumes.add_product(parts, part, q.0);
+            constraints.project(part, q.0);
+            let chunks = s[parts.ranges()[part].clone()].chunks(SUM_BLOCK).zip(q.0.chunks(SUM_BLOCK));
+            for (dot, (s, q)) in dots.0.iter_mut().zip(chunks) {
+                let mut sum = Simd4::ZERO;
+                s.iter().zip(q).for_each(|(s, q)| sum += s.component_mul(*q));
+                *dot = sum.sum();
             }
-            dots.0[0] = sum.sum();
         });
         parts.tree_sum(&self.dots)
     }

@@ -7,7 +7,6 @@ use crate::Vec3;
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::implicit_velocity::PartForces;
 use crate::volumes::Volumes;
 
@@ -33,11 +32,11 @@ pub(crate) struct VolumeTerms {
 }
 
 impl VolumeTerms {
-    /// Takes the volumes at the positions `x` of all local vertices [m], at which they were updated, in parts with a vertex that is worked on;
+    /// Takes the volumes at the positions `x` of all local vertices [m], at which they were updated, in the parts that are worked on;
     /// `stiffness_factor` is the factor of derivatives by position [s²].
     pub(crate) fn set(
         &mut self,
-        (parts, worked_on): (&Parts, &[WorkingSet]),
+        (parts, worked_on): (&Parts, &[bool]),
         forces: &PartForces,
         volumes: &Volumes,
         x: &[Vec3],
@@ -58,7 +57,7 @@ impl VolumeTerms {
         }
         self.gradient.resize(parts.own().len(), Simd4::ZERO);
         parts.for_each(PerVertex(&mut self.gradient), &|part, gradient| {
-            if !worked_on[part].is_empty() {
+            if worked_on[part] {
                 gradient.0.fill(Simd4::ZERO);
                 let enclosing = forces[part].iter().filter_map(|force| force.enclosing());
                 enclosing.for_each(|force| force.add_volume_gradient(x, gradient.0));

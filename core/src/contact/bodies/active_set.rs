@@ -21,7 +21,6 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::long_steps::WRONG;
 use crate::parallel::parts::Parts;
-use crate::parallel::working_set::WorkingSet;
 use crate::tolerances::{NO_DIRECTION, PINCH_DRAG, STANDARD_GRAVITY};
 
 /// Behaviour of a vertex on the bodies that it touches.
@@ -398,13 +397,6 @@ impl ActiveSet {
         self.rows.get(part).map_or(&[], |first| &self.contacts[*first..self.rows[part + 1]])
     }
 
-    /// The vertices of the contacts of a part.
-    pub(crate) fn vertices_of(&self, parts: &Parts, part: usize) -> WorkingSet {
-        let first = parts.ranges()[part].start;
-        let add = |set, contact: &ActiveContact| set | WorkingSet::of(contact.vertex - first);
-        self.of_part(part).iter().fold(WorkingSet::NONE, add)
-    }
-
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.contacts.as_slice()) + size_of_val(self.rows.as_slice())
@@ -461,19 +453,18 @@ impl ActiveSet {
     ///
     /// `residual` is what the next solve is to balance at each own vertex [N s]: minus the reaction. `solved` is the same with the forces of
     /// pairs that the solve before has found. The friction that comes or goes is added to `residual`, and what `restart` says of a contact
-    /// whose mode has changed: by how much less the body gave its vertex before the solve. Returns the own vertices for which the solve has to
-    /// go on, by parts. All ranks call it together.
+    /// whose mode has changed: by how much less the body gave its vertex before the solve. Returns the own parts in which the solve has to
+    /// go on. All ranks call it together.
     pub(crate) fn update(
         &mut self,
         parts: &Parts,
         (residual, solved): (&mut [Vec3], &[Vec3]),
         trust: Trust<'_>,
         mut restart: impl FnMut(&ActiveContact) -> Vec3,
-    ) -> Vec<WorkingSet> {
+    ) -> Vec<bool> {
         let first = parts.own().start;
         // By part, so that their sums are the same on any number of ranks.
         let [mut differences, mut sizes] = [0, 1].map(|_| vec![0.0; parts.count()]);
-        let mut judged = Vec::new();
         let mut part = 0;
         for contact in self.contacts.iter_mut().filter(|contact| contact.mode != ContactMode::Free) {
             while parts.ranges()[part].end <= contact.vertex {
@@ -482,16 +473,13 @@ impl ActiveSet {
             let (residual, solved) = (&mut residual[contact.vertex - first], solved[contact.vertex - first]);
             if let Some(change) = contact.turned.take() {
                 // What the body gives here is not known before it was solved for.
-                let difference = (change * trust.masses[contact.vertex]).norm_squared();
-                differences[part] += difference;
-                judged.push((part, contact.vertex, difference));
+                differences[part] += (change * trust.masses[contact.vertex]).norm_squared();
                 continue;
             }
             let judgement = contact
                 .judge(&Residual { evaluated: *residual, solved }, trust.tolerance * trust.masses[contact.vertex]);
             differences[part] += judgement.difference;
             sizes[part] += judgement.size;
-            judged.push((part, contact.vertex, judgement.difference));
             if judgement.mode != contact.mode {
                 contact.mode = judgement.mode;
                 let given_back = restart(contact);
@@ -506,17 +494,8 @@ impl ActiveSet {
         let is_settled = difference <= most * size;
         self.unsettled = !is_settled;
         self.wrong = difference > WRONG * WRONG * size;
-        let mut go_on = vec![WorkingSet::NONE; parts.count()];
-        // Those with more than the mean of what their part may have.
-        let is_more = |part: usize, difference: f64| {
-            difference * self.of_part(part).len() as f64 > most * sizes[part] && differences[part] > most * sizes[part]
-        };
-        for (part, vertex, difference) in judged.into_iter().filter(|_| !is_settled) {
-            if is_more(part, difference) {
-                go_on[part] |= WorkingSet::of(vertex - parts.ranges()[part].start);
-            }
-        }
-        go_on
+        let of_parts = differences.iter().zip(&sizes);
+        of_parts.map(|(difference, size)| !is_settled && *difference > most * size).collect()
     }
 
     /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already
@@ -530,28 +509,16 @@ impl ActiveSet {
         }
     }
 
-    /// Adds the friction that the stage begins with to what its solve is to balance at a set of vertices of a part [N s], from the local
+    /// Adds the friction that the stage begins with to what its solve is to balance at the vertices of a part [N s], from the local
     /// number `first` on.
-    pub(crate) fn add_friction(&self, set: (usize, WorkingSet), first: usize, residual: &mut [Vec3]) {
-        self.of_vertices(set, first).for_each(|contact| residual[contact.vertex - first] += contact.applied);
+    pub(crate) fn add_friction(&self, part: usize, first: usize, residual: &mut [Vec3]) {
+        self.of_part(part).iter().for_each(|contact| residual[contact.vertex - first] += contact.applied);
     }
 
-    /// The contacts of a set of vertices of a part that begins at `first`.
-    fn of_vertices(&self, (part, set): (usize, WorkingSet), first: usize) -> impl Iterator<Item = &ActiveContact> {
-        self.of_part(part).iter().filter(move |contact| set.contains(contact.vertex - first))
-    }
-
-    /// Adds the drag of surfaces to what a solve of a stage of the length `duration` [s] is to balance at a set of vertices of a part [N s], at
+    /// Adds the drag of surfaces to what a solve of a stage of the length `duration` [s] is to balance at the vertices of a part [N s], at
     /// their velocities `v` [m/s]; `first` is the local number of its first vertex.
-    pub(crate) fn add_drag(
-        &self,
-        set: (usize, WorkingSet),
-        first: usize,
-        at: &StageDrag<'_>,
-        v: &[Vec3],
-        residual: &mut [Vec3],
-    ) {
-        for contact in self.of_vertices(set, first).filter(|contact| contact.mode == ContactMode::Dragged) {
+    pub(crate) fn add_drag(&self, part: usize, first: usize, at: &StageDrag<'_>, v: &[Vec3], residual: &mut [Vec3]) {
+        for contact in self.of_part(part).iter().filter(|contact| contact.mode == ContactMode::Dragged) {
             let vertex = contact.vertex;
             residual[vertex - first] += (contact.velocity - v[vertex]) * (PINCH_DRAG * at.duration * at.masses[vertex]);
         }

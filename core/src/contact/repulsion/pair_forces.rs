@@ -45,8 +45,6 @@ pub(crate) struct PairStage<'a> {
     pub unrepelled: &'a UnrepelledMotion,
     /// Length of the step [s].
     pub dt: f64,
-    /// Whether each node has another position or velocity than in the evaluation before; `None` if any may have.
-    pub moved: Option<&'a [bool]>,
     /// True for a guess of Newton's method, about which the law of each pair is linearised; false for the state at the start of the step.
     pub is_guess: bool,
 }
@@ -187,18 +185,13 @@ pub(super) fn pair_forces(
         let found = before.binary_search_by(|other| other.pair.cmp(pair));
         found.map_or(PairHistory::NONE, |found| PairHistory::after(&before[found]))
     };
-    // A pair of which no node has moved has the force that it had.
-    let has_moved = |nodes: &[u32; 4]| at.moved.is_none_or(|moved| nodes.iter().any(|node| moved[*node as usize]));
-    let mut all: Vec<PairForce> = match at.moved {
-        Some(_) => before.iter().filter(|pair| !has_moved(&pair.nodes)).copied().collect(),
-        None => Vec::new(),
-    };
+    let mut all = Vec::new();
     for of_kind in &*kinds {
         let chunks = of_kind.oriented.par_chunks(CHUNK).zip(of_kind.damping_times.par_chunks(CHUNK));
         let of_chunk = |(pairs, times): (&[OrientedPair], &[f64])| {
             let mut near = Vec::new();
             for (pair, time) in pairs.iter().zip(times) {
-                if has_moved(&pair.pair.nodes) && !pair.is_out_of_touch(at, *time) {
+                if !pair.is_out_of_touch(at, *time) {
                     near.push(pair);
                 }
             }
@@ -220,15 +213,15 @@ struct PairSpring {
 }
 
 impl PairSpring {
-    /// Push of a pair that yields by all of its thickness, over the push of a spring that is linear from the first touch on.
-    const FULL_PUSH: f64 = 1.0 + STIFFENING[0] + STIFFENING[1] - 0.5 * ONSET;
+    /// Push of a pair that yields by half of its thickness, over that of a linear spring that yields by all of it.
+    const HALF_PUSH: f64 = 0.5 + STIFFENING[0] / 8.0 + STIFFENING[1] / 16.0 - 0.5 * ONSET;
 
     /// The spring of a pair of which the linear stiffness is `linear` [N/m] where nothing presses it. It is stiffer where more presses it
-    /// [N] than it bears before its sides meet: with any bound of its push a stage would take the sides through each other, and C would
+    /// [N] than it bears at half of its thickness: with any bound of its push a stage would take the sides through each other, and C would
     /// throw them apart again in every step.
     fn pressed(linear: f64, thickness: f64, pressing_force: f64) -> Self {
-        let full = Self::FULL_PUSH * linear * thickness;
-        Self { linear: linear * (pressing_force / full).max(1.0), thickness }
+        let half = Self::HALF_PUSH * linear * thickness;
+        Self { linear: linear * (pressing_force / half).max(1.0), thickness }
     }
 
     /// Push F [N] at `y` [m], which is the overlap of a pair at rest, and its derivative F' [N/m]: F is convex and increases,

@@ -45,30 +45,26 @@ impl SelfContact {
     }
 
     /// The forces of pairs in touch at a stage of a long step, cloth at `x` with `v`, both over the scene's local vertices
-    /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]; `before` are those of the evaluation before in this step, none
-    /// if it is the first. In a later round of a stage bodies are where they were. All ranks call it together.
+    /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]; `before` are those of the evaluation before in this step; none
+    /// if it is the first. All ranks call it together.
     pub(crate) fn pair_forces(
         &mut self,
         [x, v]: [&[Vec3]; 2],
         bodies: &Bodies,
         (fraction, dt): (f64, f64),
-        (before, is_later_round): (&[PairForce], bool),
+        before: &[PairForce],
     ) -> Vec<PairForce> {
         let Self { surface, repulsions: Some(repulsions), mobility, unrepelled, cloth, paths, displacements, .. } =
             self
         else {
             return Vec::new();
         };
-        let moved = is_later_round.then(|| surface.gather_round([x, v], cloth));
-        if moved.is_none() {
-            surface.gather_stage([x, v], bodies, fraction, cloth);
-        }
+        surface.gather_stage([x, v], bodies, fraction, cloth);
         let [x, v] = cloth;
         displacements.clear();
         displacements.extend(x.iter().zip(&paths.start).map(|(x, start)| x - start));
-        let (is_guess, moved) = (fraction > 0.0, moved.as_deref());
-        let stage = PairStage { surface, x, displacements, v, mobility, unrepelled, dt, is_guess, moved };
-        repulsions.pair_forces(&stage, before)
+        let is_guess = fraction > 0.0;
+        repulsions.pair_forces(&PairStage { surface, x, displacements, v, mobility, unrepelled, dt, is_guess }, before)
     }
 
     /// The numbering of the nodes of pairs.

@@ -444,19 +444,6 @@ impl ContactSurface {
         }
     }
 
-    /// The same in another round of a stage: those of bodies are what they were. Returns for each node whether its own have changed. All ranks
-    /// call it together.
-    pub(crate) fn gather_round(&self, [x, v]: [&[Vec3]; 2], [nodes, velocities]: &mut [Vec<Vec3>; 2]) -> Vec<bool> {
-        let cloth = self.nodes.cloth();
-        let before = [&*nodes, &*velocities].map(|all| all[..cloth].to_vec());
-        for (all, own) in [(&mut *nodes, x), (&mut *velocities, v)] {
-            all[self.nodes.own()].copy_from_slice(&own[self.place.clone()]);
-        }
-        self.nodes.update_all(&mut [nodes, velocities]);
-        let has_changed = |node: usize| before[0][node] != nodes[node] || before[1][node] != velocities[node];
-        (0..nodes.len()).map(|node| node < cloth && has_changed(node)).collect()
-    }
-
     /// Returns the origin that positions are counted from where single precision stores them [m].
     pub(crate) fn origin(&self) -> Vec3 {
         self.origin

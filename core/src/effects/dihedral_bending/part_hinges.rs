@@ -15,7 +15,6 @@ use crate::effects::force::{BlockFactors, Force, Linearised, PartForce, PartMoti
 use crate::elements::corners;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::scene::Scene;
 use crate::snapshot::elements::ElementRows;
 use crate::tolerances::SQUASHED;
@@ -233,10 +232,6 @@ struct PartHinges {
     /// Stiffness that counts for the time step, of each vertex [N/m].
     stiffness: Vec<f64>,
     neighbours: Vec<u32>,
-    /// Vertices of each hinge of the part that are the part's.
-    own_vertices: Vec<WorkingSet>,
-    /// Vertices of the part on which the angles of each span act.
-    acted_on: Vec<WorkingSet>,
     /// At the last update: by how much each angle is off [rad].
     angles: Vec<f64>,
     /// At the last update, for each hinge of the part; zero where it is left out.
@@ -326,7 +321,6 @@ impl PartHinges {
             let softness: f64 = vectors.iter().zip(masses).map(|(u, m)| u.norm_squared() / m).sum();
             part.damping.push(2.0 * laws.damping_ratios[*number as usize] * (element.row[0].1 / softness).sqrt());
         }
-        part.set_own_vertices();
         let in_part = |hinge: &Hinge| hinge.vertices.map(|v| (v as usize - range.start) as u16);
         part.inside = part.hinges[..inside.len()].iter().map(in_part).collect();
         part.neighbours = corners::outside(&range, part.hinges.iter().map(|hinge| hinge.vertices));
@@ -353,29 +347,6 @@ impl PartHinges {
         }
     }
 
-    /// Notes which vertices of the part each hinge has, and on which the angles of each span act.
-    fn set_own_vertices(&mut self) {
-        let own = |hinge: &Hinge| {
-            let places = hinge.vertices.iter().filter_map(|v| self.index_of(*v as usize));
-            places.fold(WorkingSet::NONE, |set, place| set | WorkingSet::of(place))
-        };
-        self.own_vertices = self.hinges[..self.moments.len()].iter().map(own).collect();
-        let mut acted_on = vec![WorkingSet::NONE; self.hinges.len()];
-        for (place, (moments, own)) in self.moments.iter().zip(&self.own_vertices).enumerate() {
-            acted_on[place] |= *own;
-            moments.others.iter().for_each(|other| acted_on[*other as usize] |= *own);
-        }
-        let union = |sets: &[WorkingSet]| sets.iter().fold(WorkingSet::NONE, |all, set| all | *set);
-        self.acted_on = acted_on.chunks(SPAN).map(union).collect();
-    }
-
-    /// The hinges of the part that have a vertex of a set, by their places.
-    #[inline]
-    fn with_vertex_of(&self, set: WorkingSet, range: Range<usize>) -> impl Iterator<Item = usize> {
-        let own = &self.own_vertices[range.clone()];
-        range.zip(own).filter(move |(_, own)| own.meets(set)).map(|(place, _)| place)
-    }
-
     /// Place of a local vertex in the part.
     fn index_of(&self, vertex: usize) -> Option<usize> {
         self.range.contains(&vertex).then(|| vertex - self.range.start)
@@ -388,7 +359,6 @@ impl PartHinges {
             + self.gradients.len() * (size_of::<Gradient>() + 8)
             + self.stiffness.len() * 8
             + self.neighbours.len() * 4
-            + (self.own_vertices.len() + self.acted_on.len()) * size_of::<WorkingSet>()
             + self.folds.len() * size_of::<Fold>()
     }
 
@@ -419,23 +389,20 @@ impl Force for PartHinges {
     fn update(&mut self, view: &PartView<'_>, _own: &[Simd4], f: &mut [Simd4]) {
         let mut bends = Bends::default();
         let mut gradients = self.gradients.chunks_mut(SPAN);
-        let spans = self.hinges.chunks(SPAN).zip(self.angles.chunks_mut(SPAN)).zip(&self.acted_on);
-        for ((hinges, angles), acted_on) in spans {
+        for (hinges, angles) in self.hinges.chunks(SPAN).zip(self.angles.chunks_mut(SPAN)) {
+            bends.find(hinges, view.x);
+            angles.copy_from_slice(&bends.off[..angles.len()]);
             // Those of the part come first.
             let kept = gradients.next().unwrap_or_default();
-            if acted_on.meets(view.worked_on) {
-                bends.find(hinges, view.x);
-                angles.copy_from_slice(&bends.off[..angles.len()]);
-                kept.iter_mut().enumerate().for_each(|(n, gradient)| *gradient = bends.gradient(n));
-            }
+            kept.iter_mut().enumerate().for_each(|(n, gradient)| *gradient = bends.gradient(n));
         }
         let is_out = |hinge: &usize| self.gradients[*hinge].is_zero() && self.counts(*hinge);
-        self.left_out += self.with_vertex_of(view.worked_on, 0..self.gradients.len()).filter(is_out).count() as u64;
+        self.left_out += (0..self.gradients.len()).filter(is_out).count() as u64;
         let moment = |place: usize| self.moments[place].moment(place, |other| self.angles[other]);
-        for place in self.with_vertex_of(view.worked_on, 0..self.inside.len()) {
-            pull(&self.gradients[place], -moment(place), self.inside[place].map(usize::from), f);
+        for (place, (corners, gradient)) in self.inside.iter().zip(&self.gradients).enumerate() {
+            pull(gradient, -moment(place), corners.map(usize::from), f);
         }
-        for place in self.with_vertex_of(view.worked_on, self.across()) {
+        for place in self.across() {
             let forces = self.gradients[place].at_vertices(-moment(place));
             corners::add(self.range.start, self.hinges[place].vertices, forces, f);
         }
@@ -443,12 +410,12 @@ impl Force for PartHinges {
 
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         let own_v = &motion.own_v[..f.len()];
-        for place in self.with_vertex_of(motion.worked_on, 0..self.inside.len()) {
-            let (corners, gradient) = (self.inside[place].map(usize::from), &self.gradients[place]);
+        for ((corners, gradient), damping) in self.inside.iter().zip(&self.gradients).zip(&self.damping) {
+            let corners = corners.map(usize::from);
             let rate = gradient.rate(corners.map(|corner| own_v[corner]));
-            pull(gradient, -self.damping[place] * rate, corners, f);
+            pull(gradient, -damping * rate, corners, f);
         }
-        for place in self.with_vertex_of(motion.worked_on, self.across()) {
+        for place in self.across() {
             let (vertices, gradient) = (self.hinges[place].vertices, &self.gradients[place]);
             // Written out: `map` of an array is not always inlined.
             let at = |corner: usize| Simd4::from(&motion.v[vertices[corner] as usize]);

@@ -8,7 +8,6 @@ use crate::effects::registry::build_all;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::pins::PinTargets;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
@@ -65,14 +64,7 @@ fn with_view<R>(scene: &Scene, part: usize, x: &[Vec3], work: impl FnOnce(&PartV
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
     let range = scene.parts().ranges()[part].clone();
-    work(&PartView {
-        start: range.start,
-        masses: &scene.masses()[range],
-        x,
-        fraction: 0.0,
-        worked_on: WorkingSet::ALL,
-        context,
-    })
+    work(&PartView { start: range.start, masses: &scene.masses()[range], x, fraction: 0.0, context })
 }
 
 /// Returns the sums that `work` on each force adds to the vertices of its part.

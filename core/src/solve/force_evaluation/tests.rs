@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::effects::registry::build_all;
-use crate::long_steps::MATRIX_KEPT;
 use crate::mesh::PolygonMesh;
 use crate::pins::PinTargets;
 use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
@@ -47,12 +46,11 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let mut force = |x: &[Vec3], v_at: &[Vec3], matrix: Option<&mut BlockMatrix>| {
         let context = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
-        let (parts, masses, worked_on) =
-            (scene.parts(), scene.masses(), &*vec![WorkingSet::ALL; scene.parts().count()]);
+        let (parts, masses, worked_on) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
         let at = ForceEvaluation { parts, masses, worked_on, x, v: v_at, fraction: 0.0, context };
         let mut f = vec![Vec3::zeros(); x.len()];
         match matrix {
-            Some(matrix) => at.linearise(&mut forces, &mut f, (factors, &vec![true; parts.count()]), matrix, &slots),
+            Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix, &slots),
             None => at.forces(&mut forces, &mut f),
         }
         f
@@ -143,15 +141,13 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         let (x, s) = (stretched(&scene), direction(N * N));
         let context = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let (v, mut f) = (vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]);
-        let (parts, masses, worked_on) =
-            (scene.parts(), scene.masses(), &*vec![WorkingSet::ALL; scene.parts().count()]);
+        let (parts, masses, worked_on) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
         ForceEvaluation { parts, masses, worked_on, x: &x, v: &v, fraction: 0.0, context }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
             let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn Force>>)| -> f64 {
                 let masses = &masses[range.clone()];
-                let view =
-                    PartView { start: range.start, masses, x: &x, fraction: 0.0, worked_on: WorkingSet::ALL, context };
+                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, context };
                 forces.iter().map(|force| force.energy(&view)).sum()
             };
             parts.ranges().iter().zip(&forces).map(of_part).sum()
@@ -203,65 +199,4 @@ fn the_matrix_of_bending_is_never_softer_than_its_force() {
         let [matrix, force] = [&product, &differences].map(|of| of.iter().zip(&s).map(|(f, s)| f.dot(s)).sum::<f64>());
         assert!(force > 0.0 && matrix > (1.0 - 1e-4) * force && matrix < 8.0 * force, "{matrix} for {force}");
     }
-}
-
-/// An effect whose elements have two vertices, and one whose elements have four and act on their neighbours.
-fn springs_and_hinges() -> Scene {
-    scene(&[
-        EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0).with("damping_ratio", 0.3),
-        EffectRequest::of_garment("dihedral_bending", 0).with("stiffness", 1e-4).with("damping_ratio", 0.3),
-    ])
-}
-
-#[test]
-fn forces_on_a_working_set_are_those_of_an_evaluation_of_all_vertices() {
-    let scene = springs_and_hinges();
-    let (parts, masses) = (scene.parts(), scene.masses());
-    let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
-    let (v, before) = (direction(N * N), stretched(&scene));
-    let near_middle = |vertex: &usize| vertex.abs_diff(N * N / 2) < 40 || *vertex == 77;
-    let moved: Vec<usize> = (0..N * N).filter(near_middle).collect();
-    let mut after = before.clone();
-    moved.iter().for_each(|vertex| after[*vertex] += v[*vertex] * 1e-3);
-    let evaluate = |forces: &mut PartForces, x: &[Vec3], worked_on: &[WorkingSet], f: &mut [Vec3]| {
-        let context = ForceContext { time: 0.0, targets: &targets, v: &v, wind: &wind, volumes: &volumes };
-        ForceEvaluation { parts, masses, worked_on, x, v: &v, fraction: 0.0, context }.forces(forces, f);
-    };
-    let all = vec![WorkingSet::ALL; parts.count()];
-    let [(mut forces, ..), (mut afresh, ..)] = [forces(&scene), forces(&scene)];
-    let [mut f, mut expected] = [vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]];
-    evaluate(&mut forces, &before, &all, &mut f);
-    let untouched = f.clone();
-    evaluate(&mut afresh, &after, &all, &mut expected);
-    // All whose force has changed, and some others.
-    let has_changed = |vertex: &usize| f[*vertex] != expected[*vertex] || *vertex == 3;
-    let mut worked_on = vec![WorkingSet::NONE; parts.count()];
-    for vertex in (0..N * N).filter(has_changed) {
-        let part = parts.part_of(vertex);
-        worked_on[part] |= WorkingSet::of(vertex - parts.ranges()[part].start);
-    }
-    evaluate(&mut forces, &after, &worked_on, &mut f);
-    assert!(f == expected);
-    // What is not worked on keeps its force.
-    let mut none = untouched.clone();
-    evaluate(&mut forces, &before, &vec![WorkingSet::NONE; parts.count()], &mut none);
-    assert!(none == untouched);
-    let share: usize =
-        worked_on.iter().zip(parts.ranges()).flat_map(|(set, range)| set.ranges(range.len())).map(|r| r.len()).sum();
-    assert!((100..N * N / 2).contains(&share), "{share}");
-}
-
-#[test]
-fn rows_that_a_round_keeps_are_nearly_the_new_ones() {
-    let scene = springs_and_hinges();
-    let (x, s, zeros) = (stretched(&scene), direction(N * N), vec![Vec3::zeros(); N * N]);
-    // Edges are 1.4 cm long.
-    let turned = |i: usize| s[(7 * i + 3) % s.len()].normalize() * (MATRIX_KEPT * 0.014);
-    let moved: Vec<Vec3> = x.iter().enumerate().map(|(i, x)| x + turned(i)).collect();
-    let [[kept, _], [new, _]] = [&x, &moved].map(|x| products(&scene, [x, &zeros, &s], STIFFNESS));
-    let norm = |all: &mut dyn Iterator<Item = Vec3>| all.map(|q| q.norm_squared()).sum::<f64>().sqrt();
-    let difference = norm(&mut kept.iter().zip(&new).map(|(kept, new)| kept - new));
-    // Newton's method with them leaves as much of a correction in a round as a solve of it does.
-    let share = difference / norm(&mut new.iter().copied());
-    assert!((0.02..0.2).contains(&share), "{share}");
 }

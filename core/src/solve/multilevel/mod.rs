@@ -187,10 +187,10 @@ impl Multilevel {
         self.levels[0].x[node as usize]
     }
 
-    /// The corrections of a range of vertices of a part, counted from its first.
+    /// The correction of each vertex of a part.
     #[inline(always)]
-    pub(super) fn corrections(&self, part: usize, range: Range<usize>) -> impl Iterator<Item = Simd4> {
-        self.parts[part].corrections(range, &self.levels[0].x)
+    pub(super) fn corrections(&self, part: usize) -> impl Iterator<Item = Simd4> {
+        self.parts[part].corrections(&self.levels[0].x)
     }
 
     /// Memory held [bytes].

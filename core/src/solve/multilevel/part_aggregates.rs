@@ -165,11 +165,11 @@ impl PartAggregates {
         }
     }
 
-    /// Returns the corrections of a range of vertices, given the corrections `x` of all nodes.
+    /// Returns the correction of each vertex, given the corrections `x` of all nodes.
     #[inline(always)]
-    pub(super) fn corrections(&self, range: Range<usize>, x: &[Simd4]) -> impl Iterator<Item = Simd4> {
+    pub(super) fn corrections(&self, x: &[Simd4]) -> impl Iterator<Item = Simd4> {
         let x = &x[self.first..];
-        self.of_vertices[range].iter().map(move |aggregate| x[usize::from(*aggregate)])
+        self.of_vertices.iter().map(move |aggregate| x[usize::from(*aggregate)])
     }
 
     /// Memory held [bytes].

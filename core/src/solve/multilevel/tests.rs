@@ -7,7 +7,6 @@ use crate::Vec3;
 use crate::block_matrix::testing::Sheet;
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::block_system::{BlockSystem, Projection};
 use crate::tolerances::CONSTRAINED_STIFFNESS;
 
@@ -71,7 +70,7 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
 /// The levels of a sheet with constraints.
 fn prepared(sheet: &Sheet, parts: &Parts, matrix: &BlockMatrix) -> Multilevel {
     let mut constraints = Constraints::none(parts);
-    let (masses, worked_on) = (&*sheet.masses, &*vec![WorkingSet::ALL; parts.count()]);
+    let (masses, worked_on) = (&*sheet.masses, &*vec![true; parts.count()]);
     constraints.update(&BlockSystem { parts, masses, worked_on, matrix, constraints: &Constrained(parts) });
     let mut levels = Multilevel::new(parts, matrix);
     levels.prepare(parts, matrix, &PairTerms::default(), &constraints, &GhostDirections::default());

@@ -1,7 +1,5 @@
 //! Solves against a Cholesky factor of the whole matrix, and what the preconditioner has to be.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
@@ -12,7 +10,6 @@ use crate::contact::topology::pair::{Pair, PairKind};
 use crate::geometry::random::SplitMix64;
 use crate::parallel::local_ranks::LocalRanks;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::working_set::RUN;
 
 mod iterations_figure;
 
@@ -21,7 +18,7 @@ struct SheetSystem {
     parts: Parts,
     matrix: BlockMatrix,
     masses: Vec<f64>,
-    worked_on: Vec<WorkingSet>,
+    worked_on: Vec<bool>,
     what: What,
 }
 
@@ -29,7 +26,7 @@ impl SheetSystem {
     fn new(sheet: &Sheet, ranks: &Ranks, what: What) -> Self {
         let parts = sheet.parts(ranks);
         let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
-        let worked_on = vec![WorkingSet::ALL; parts.count()];
+        let worked_on = vec![true; parts.count()];
         Self { parts, matrix, masses, worked_on, what }
     }
 
@@ -111,14 +108,12 @@ fn solve(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) {
     solve_with((sheet, what), sheet, ranks, what, &impulses(sheet.x.len()))
 }
 
-/// Whether a vertex is solved for in [`solve_some`]: some runs of most parts, and nothing of others. `first` is the first vertex of its part,
-/// a number of the scene.
-fn is_solved(vertex: u32, first: u32) -> bool {
-    let run = (vertex - first) / RUN as u32;
-    !(first / 44).is_multiple_of(3) && (first.is_multiple_of(2) || !run.is_multiple_of(3))
+/// Whether the part with this first vertex, a number of the scene, is solved for in [`solve_some`].
+fn is_solved(first: u32) -> bool {
+    !(first / 44).is_multiple_of(3)
 }
 
-/// The change of a rank's own vertices when some of them alone are solved for, with coarse levels that are those of all.
+/// The change of a rank's own vertices when some parts alone are solved for, with coarse levels that are those of all.
 fn solve_some(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) {
     let mut system = SheetSystem::new(sheet, ranks, what);
     let mut cg = system.solver();
@@ -127,24 +122,19 @@ fn solve_some(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) 
     let (outcome, _) = system.solve(&mut cg, &b);
     assert!(outcome.converged);
     let parts = &system.parts;
-    let of_part = |range: &Range<usize>| {
-        let first = parts.number(range.start);
-        let solved = range.clone().filter(|vertex| is_solved(parts.number(*vertex), first));
-        solved.fold(WorkingSet::NONE, |set, vertex| set | WorkingSet::of(vertex - range.start))
-    };
-    system.worked_on = parts.ranges().iter().map(of_part).collect();
+    system.worked_on = parts.ranges().iter().map(|range| is_solved(parts.number(range.start))).collect();
     cg.prepare_finest(&system.blocks());
     let (outcome, d) = system.solve(&mut cg, &b);
     (outcome, system.own(&d))
 }
 
 #[test]
-fn vertices_that_are_not_solved_for_stay_and_the_others_fit_them() {
+fn parts_that_are_not_solved_for_stay_and_the_others_fit_them() {
     let sheet = Sheet::new(20, 100.0, 9);
     let (outcome, alone) = solve_some(&sheet, &Ranks::default(), What::Some);
     assert!(outcome.converged && !outcome.worse, "{outcome:?}");
     let parts = sheet.parts(&Ranks::default());
-    let stays = |vertex: usize| !is_solved(vertex as u32, parts.ranges()[parts.part_of(vertex)].start as u32);
+    let stays = |vertex: usize| !is_solved(parts.ranges()[parts.part_of(vertex)].start as u32);
     assert!((0..alone.len()).any(stays));
     assert!((0..alone.len()).filter(|vertex| stays(*vertex)).all(|vertex| alone[vertex] == Vec3::zeros()));
     let count = sheet.x.len();

@@ -5,7 +5,6 @@ use crate::block_matrix::BlockMatrix;
 use crate::contact::repulsion::pair_forces::PairForce;
 use crate::long_steps::SETTLED_PAIR;
 use crate::parallel::parts::Parts;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::force_evaluation::{ElementSlots, matrix_of};
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
@@ -21,8 +20,6 @@ pub(crate) struct StageArrays {
     pub(in crate::step) v_start: Vec<Vec3>,
     /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
     pub(in crate::step) x: Vec<Vec3>,
-    /// Positions of own vertices where the matrix of their part was set up [m].
-    pub(super) x_linearised: Vec<Vec3>,
     pub(in crate::step) v: Vec<Vec3>,
     pub(in crate::step) v_first: Vec<Vec3>,
     /// Velocities of own vertices at the end of the stage if there were no forces [m/s].
@@ -40,8 +37,8 @@ pub(crate) struct StageArrays {
     pub(super) pairs: Vec<PairForce>,
     /// Whether some rank has a force that is implicit by rounds alone.
     pub(super) has_iterated: bool,
-    /// Vertices of each own part that the solves work on.
-    pub(in crate::step) worked_on: Vec<WorkingSet>,
+    /// Own parts that the solves work on.
+    pub(in crate::step) worked_on: Vec<bool>,
     /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
     pub(in crate::step) unsettled_vertices: Option<Vec<u32>>,
 }
@@ -50,11 +47,6 @@ impl StageArrays {
     /// Pairs whose distance the last solve has changed so much, in a step of `dt` [s], that the stage is not settled.
     pub(super) fn unsettled(&self, dt: f64) -> impl Iterator<Item = &PairForce> {
         self.pairs.iter().filter(move |pair| pair.last_change * dt > SETTLED_PAIR)
-    }
-
-    /// Whether there is an own vertex to work on.
-    pub(super) fn has_work(&self) -> bool {
-        self.worked_on.iter().any(|worked_on| !worked_on.is_empty())
     }
 
     /// Hands on whether stages since the last report have left pairs unsettled, and their vertices.
@@ -77,7 +69,6 @@ impl StageArrays {
             cg,
             v_start: local.clone(),
             x: local.clone(),
-            x_linearised: own.clone(),
             v: local.clone(),
             v_first: local.clone(),
             v_inertial: own.clone(),
@@ -88,14 +79,14 @@ impl StageArrays {
             change: local,
             pairs: Vec::new(),
             has_iterated,
-            worked_on: vec![WorkingSet::ALL; parts.count()],
+            worked_on: vec![true; parts.count()],
             unsettled_vertices: None,
         }
     }
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let vectors = 5 * self.x.len() + 6 * self.f.len();
+        let vectors = 5 * self.x.len() + 5 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()
             + self.matrix.bytes()

@@ -7,9 +7,9 @@
 
 mod arrays;
 mod newton;
+mod parts;
 mod prescription;
 mod stage;
-mod vertices;
 
 pub(crate) use arrays::StageArrays;
 pub(super) use stage::{StageEquation, StageSolver};
@@ -17,7 +17,7 @@ pub(super) use stage::{StageEquation, StageSolver};
 use super::{Prescribed, Scratch, Step};
 use crate::contact::bodies::active_set::ActiveContact;
 use crate::contact::bodies::collision::CollisionStep;
-use crate::long_steps::{EXTRAPOLATED, MATRIX_KEPT};
+use crate::long_steps::EXTRAPOLATED;
 use crate::solve::conjugate_gradient::Outcome;
 use stage::StepContext;
 
@@ -41,7 +41,6 @@ impl Step<'_> {
             pins: pins.as_ref(),
             targets,
             extrapolated: EXTRAPOLATED * settings.mean_edge,
-            matrix_kept: MATRIX_KEPT * settings.mean_edge,
         };
         let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
         let repulsion = contacts.cloth.as_mut().filter(|contact| contact.repels());

@@ -1,23 +1,22 @@
 //! Newton's method with active contacts: the rounds of solves of a stage (`docs/theory/tr_bdf2.md#newtons-method-in-contact`).
 
 use super::arrays::StageArrays;
+use super::parts::{PairsInTouch, parts_in_layers, parts_moved, parts_touched};
 use super::stage::{StageEquation, StageSolver};
-use super::vertices::{PairsInTouch, vertices_in_layers, vertices_moved, vertices_touched};
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
 use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH};
 use crate::parallel::simd4::Simd4;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 
 impl StageSolver<'_> {
     /// The forces of pairs in touch where the stage stands, at a fraction of the step.
-    pub(super) fn evaluate_pairs(&mut self, fraction: f64, is_later_round: bool) {
+    pub(super) fn evaluate_pairs(&mut self, fraction: f64) {
         let Some(contact) = &mut self.repulsion else { return };
         let StageArrays { x, v, pairs, .. } = &mut *self.arrays;
-        *pairs = contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), (pairs, is_later_round));
+        *pairs = contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
     }
 
     /// Adds the forces of pairs times `duration` [s] to `impulses` of the own vertices that are worked on [N s].
@@ -28,12 +27,7 @@ impl StageSolver<'_> {
         for pair in pairs {
             for (node, weight) in pair.nodes.iter().zip(pair.weights) {
                 let vertex = (*node as usize).wrapping_sub(own.start);
-                if vertex >= own.len() {
-                    continue;
-                }
-                let local = vertex + parts.own().start;
-                let part = parts.part_of(local);
-                if worked_on[part].contains(local - parts.ranges()[part].start) {
+                if vertex < own.len() && worked_on[parts.part_of(vertex + parts.own().start)] {
                     impulses[vertex] += pair.force * (weight * duration);
                 }
             }
@@ -49,8 +43,8 @@ impl StageSolver<'_> {
     }
 
     /// Adds the forces of pairs in touch where the stage stands to its residual.
-    fn add_pairs(&mut self, stage: &StageEquation, is_later_round: bool) {
-        self.evaluate_pairs(stage.fraction, is_later_round);
+    fn add_pairs(&mut self, stage: &StageEquation) {
+        self.evaluate_pairs(stage.fraction);
         let mut residual = std::mem::take(&mut self.arrays.residual);
         self.add_pair_impulses(stage.share_of_pairs * stage.weight, &mut residual);
         self.arrays.residual = residual;
@@ -68,9 +62,9 @@ impl StageSolver<'_> {
         }
     }
 
-    /// Whether some rank has a vertex to work on. All ranks call it together.
+    /// Whether some rank has a part to work on. All ranks call it together.
     pub(in crate::step) fn has_work(&self) -> bool {
-        self.at.parts.ranks().any(self.arrays.has_work())
+        self.at.parts.ranks().any(self.arrays.worked_on.contains(&true))
     }
 
     /// The pairs that were evaluated last, with the changes of velocity of their nodes by a solve where these are known [m/s].
@@ -79,22 +73,21 @@ impl StageSolver<'_> {
         Some(PairsInTouch { pairs: &self.arrays.pairs, nodes: contact.nodes(), solution })
     }
 
-    /// Vertices that the last change of velocities has moved by more than `far` [m/s], and their neighbours, by parts; the change was by a
-    /// solve or by something else.
-    pub(in crate::step) fn vertices_moved(&self, far: f64, was_solved: bool) -> Vec<WorkingSet> {
+    /// The parts in which the last change of velocities was more than `far` [m/s], by a solve or by something else.
+    pub(in crate::step) fn parts_moved(&self, far: f64, was_solved: bool) -> Vec<bool> {
         let StageArrays { matrix, change, cg, .. } = &*self.arrays;
         let touch = self.pairs_in_touch(was_solved.then(|| cg.pairs().velocities()));
-        vertices_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
+        parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
     }
 
-    /// Vertices at which cloth touches cloth, by parts.
-    pub(in crate::step) fn vertices_in_layers(&self) -> Vec<WorkingSet> {
-        vertices_in_layers(self.at.parts, self.pairs_in_touch(None).as_ref())
+    /// The parts in which cloth touches cloth.
+    pub(in crate::step) fn parts_in_layers(&self) -> Vec<bool> {
+        parts_in_layers(self.at.parts, self.pairs_in_touch(None).as_ref())
     }
 
-    /// Vertices that touch something, by parts.
-    fn vertices_touched(&self) -> Vec<WorkingSet> {
-        vertices_touched(self.at.parts, self.active, self.pairs_in_touch(None).as_ref())
+    /// The parts that touch something.
+    fn parts_touched(&self) -> Vec<bool> {
+        parts_touched(self.at.parts, self.active, self.pairs_in_touch(None).as_ref())
     }
 
     /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that
@@ -102,7 +95,7 @@ impl StageSolver<'_> {
     pub(in crate::step) fn solve(&mut self, stage: &StageEquation) -> Outcome {
         let (at, weight) = (self.at, stage.weight);
         self.set_residual(stage);
-        self.add_pairs(stage, false);
+        self.add_pairs(stage);
         let mut total = Outcome::NONE;
         let has_pairs = !self.arrays.pairs.is_empty();
         let [has_pairs, on_bodies] = at.parts.ranks().any_of([has_pairs, !self.active.contacts().is_empty()]);
@@ -143,10 +136,10 @@ impl StageSolver<'_> {
                 *x += change * weight;
             }
             if !takes_rounds {
-                self.arrays.worked_on.fill(WorkingSet::NONE);
+                self.arrays.worked_on.fill(false);
                 break;
             }
-            let moved = self.vertices_moved(CONVERGED * at.stop.tolerance, true);
+            let moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
             let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
             let modes_settled = !stage.positions_given || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && modes_settled;
@@ -194,19 +187,19 @@ impl StageSolver<'_> {
     /// Prepares the next round: the forces and the matrix where a solve has come to, and modes of contacts that fit what they bear there.
     /// The round works on the parts that have moved far, and on those whose contacts are not settled; after a first, rough solve, which is
     /// right to `rough` [m/s], on all that touch something. Returns whether there is anything to work on.
-    fn next_round(&mut self, stage: &StageEquation, moved: Vec<WorkingSet>, rough: Option<f64>) -> bool {
+    fn next_round(&mut self, stage: &StageEquation, moved: Vec<bool>, rough: Option<f64>) -> bool {
         let (at, own) = (self.at, self.at.parts.own().start);
-        let touched = self.vertices_touched();
+        let touched = self.parts_touched();
         self.turn(stage);
         // What contacts bear has changed where they were solved for.
         let worked_on = &mut self.arrays.worked_on;
         for ((worked_on, moved), touched) in worked_on.iter_mut().zip(&moved).zip(&touched) {
-            *worked_on = *moved | (*worked_on & *touched);
+            *worked_on = *moved || (*worked_on && *touched);
         }
-        self.linearise_where_moved(stage);
+        self.linearise(stage);
         self.set_residual(stage);
         self.set_solved_residual(stage);
-        self.add_pairs(stage, true);
+        self.add_pairs(stage);
         let StageArrays { residual, solved_residual, v_start, v_inertial, x, worked_on, pairs, .. } = &mut *self.arrays;
         let restart = |contact: &ActiveContact| {
             if !stage.may_restart {
@@ -228,11 +221,9 @@ impl StageSolver<'_> {
         let restarted = (stage.may_restart && stage.feels_start).then(|| at.parts.halo().start(at.parts.ranks(), x));
         let next = moved.into_iter().zip(touched).zip(unsettled);
         for (worked_on, ((moved, touched), unsettled)) in worked_on.iter_mut().zip(next) {
-            let touched = if rough.is_some() { touched } else { WorkingSet::NONE };
-            *worked_on = *worked_on & (moved | touched | unsettled);
+            *worked_on &= moved || (rough.is_some() && touched) || unsettled;
         }
-        let has_work = worked_on.iter().any(|worked_on| !worked_on.is_empty());
-        let [has_work, has_pairs] = at.parts.ranks().any_of([has_work, !pairs.is_empty()]);
+        let [has_work, has_pairs] = at.parts.ranks().any_of([worked_on.contains(&true), !pairs.is_empty()]);
         restarted.into_iter().for_each(|flight| flight.finish(x));
         if has_work {
             self.set_pairs(stage, has_pairs);

@@ -1,7 +1,5 @@
 //! The equation of a stage, and all that its solver evaluates.
 
-use std::ops::Range;
-
 use super::arrays::StageArrays;
 use super::prescription::Prescription;
 use crate::Vec3;
@@ -12,7 +10,6 @@ use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
 use crate::long_steps::PREDICTION_NOISE;
 use crate::parallel::parts::Parts;
-use crate::parallel::working_set::WorkingSet;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::force_evaluation::ForceEvaluation;
@@ -62,8 +59,6 @@ pub(in crate::step) struct StepContext<'a> {
     pub(in crate::step) targets: &'a PinTargets,
     /// Cap on the extrapolated displacement of a vertex in a stage [m].
     pub(in crate::step) extrapolated: f64,
-    /// Displacement of a vertex up to which its part keeps its rows of the matrix [m].
-    pub(in crate::step) matrix_kept: f64,
 }
 
 impl<'a> StepContext<'a> {
@@ -77,16 +72,16 @@ impl<'a> StepContext<'a> {
     }
 
     /// Predicts the velocities `v` of own vertices at the end of a stage whose positions move with them for this fraction of the step: those
-    /// of `from` and an extrapolated change [m/s]. `in_layers` are vertices at which layers touch, by parts.
+    /// of `from` and an extrapolated change [m/s]. `in_layers` are the parts in which layers touch.
     pub(in crate::step) fn predict(
         &self,
-        (fraction, in_layers): (f64, &[WorkingSet]),
+        (fraction, in_layers): (f64, &[bool]),
         (v, from): (&mut [Vec3], &[Vec3]),
         change: impl Fn(usize) -> Vec3,
     ) {
         for (range, in_layers) in self.parts.ranges().iter().zip(in_layers) {
             for vertex in range.clone() {
-                v[vertex] = from[vertex] + self.extrapolated(change(vertex), fraction, !in_layers.is_empty());
+                v[vertex] = from[vertex] + self.extrapolated(change(vertex), fraction, *in_layers);
             }
         }
     }
@@ -115,7 +110,7 @@ impl<'a> StageSolver<'a> {
     pub(in crate::step) fn begin(&mut self, first: f64) {
         let at = self.at;
         self.arrays.x.copy_from_slice(&at.start.x);
-        self.arrays.worked_on.fill(WorkingSet::ALL);
+        self.arrays.worked_on.fill(true);
         self.arrays.pairs.clear();
         self.evaluate_start();
         if let Some(contact) = &mut self.repulsion {
@@ -124,7 +119,7 @@ impl<'a> StageSolver<'a> {
             contact.set_unrepelled(own.map(free));
         }
         let mut repelled = vec![Vec3::zeros(); self.arrays.f.len()];
-        self.evaluate_pairs(0.0, false);
+        self.evaluate_pairs(0.0);
         self.add_pair_impulses(1.0, &mut repelled);
         // Newton's second law says what bodies gave at the end of the step before.
         let given = |vertex: usize| {
@@ -154,39 +149,21 @@ impl<'a> StageSolver<'a> {
 
     /// The forces and the matrix of a stage where it stands.
     pub(in crate::step) fn linearise(&mut self, stage: &StageEquation) {
-        let all = vec![true; self.at.parts.count()];
-        self.evaluate(stage.fraction, Some((stage, &all)));
+        let factors = BlockFactors { damping: stage.weight, stiffness: stage.weight * stage.weight };
+        self.evaluate(stage.fraction, Some(factors));
     }
 
-    /// The same, but parts of which no vertex has moved far keep their rows of the matrix: those of another round, or of another stage with
-    /// the same weight.
-    pub(in crate::step) fn linearise_where_moved(&mut self, stage: &StageEquation) {
-        let (most, own) = (self.at.matrix_kept, self.at.parts.own().start);
-        let StageArrays { x, x_linearised, .. } = &*self.arrays;
-        let has_moved = |range: &Range<usize>| {
-            let before = &x_linearised[range.start - own..range.end - own];
-            x[range.clone()].iter().zip(before).any(|(x, before)| (x - before).norm_squared() > most * most)
-        };
-        let moved: Vec<bool> = self.at.parts.ranges().iter().map(has_moved).collect();
-        self.evaluate(stage.fraction, Some((stage, &moved)));
-    }
-
-    /// The forces on the vertices that are worked on, at a fraction of the step, and the matrix of a stage with new rows in some parts.
-    fn evaluate(&mut self, fraction: f64, matrix_of: Option<(&StageEquation, &[bool])>) {
-        let StageArrays { matrix, slots, cg, x, x_linearised, v, f, worked_on, .. } = &mut *self.arrays;
+    /// The forces on the parts that are worked on, at a fraction of the step, and the matrix with these factors.
+    fn evaluate(&mut self, fraction: f64, matrix_factors: Option<BlockFactors>) {
+        let StageArrays { matrix, slots, cg, x, v, f, worked_on, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
         let time = self.at.start.time + fraction * self.at.dt;
         let context = ForceContext { time, targets, v, wind, volumes };
         let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, worked_on, x, v, fraction, context };
-        match matrix_of {
-            Some((stage, parts)) => {
-                let factors = BlockFactors { damping: stage.weight, stiffness: stage.weight * stage.weight };
-                at.linearise(self.forces, f, (factors, parts), matrix, slots);
-                let own = self.at.parts.own().start;
-                for (range, _) in self.at.parts.ranges().iter().zip(parts).filter(|(_, is_new)| **is_new) {
-                    x_linearised[range.start - own..range.end - own].copy_from_slice(&x[range.clone()]);
-                }
+        match matrix_factors {
+            Some(factors) => {
+                at.linearise(self.forces, f, factors, matrix, slots);
                 cg.volumes_mut().set((at.parts, worked_on), self.forces, volumes, x, factors.stiffness);
             }
             None => at.forces(self.forces, f),
@@ -202,16 +179,18 @@ impl<'a> StageSolver<'a> {
     pub(super) fn set_residual(&mut self, stage: &StageEquation) {
         let (weight, parts, drag) = (stage.weight, self.at.parts, self.drag(stage));
         let StageArrays { v_inertial, v, f_start, f, residual, worked_on, .. } = &mut *self.arrays;
-        for (part, (range, worked_on)) in parts.ranges().iter().zip(&*worked_on).enumerate() {
-            let first = range.start - parts.own().start;
-            for vertex in worked_on.ranges(range.len()).flatten() {
-                let (own, local) = (first + vertex, range.start + vertex);
-                let force = if stage.feels_start { f_start[own] + f[own] } else { f[own] };
-                residual[own] = (v_inertial[own] - v[local]) * self.at.masses[local] + force * weight;
+        for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| worked_on[*part]) {
+            let own = range.start - parts.own().start..range.end - parts.own().start;
+            let residual = &mut residual[own.clone()];
+            let forces = f_start[own.clone()].iter().zip(&f[own.clone()]);
+            let masses = &self.at.masses[range.clone()];
+            let ends = v_inertial[own].iter().zip(&v[range.clone()]).zip(masses).zip(forces);
+            for (residual, (((inertial, v), m), (f_start, f))) in residual.iter_mut().zip(ends) {
+                let force = if stage.feels_start { f_start + f } else { *f };
+                *residual = (inertial - v) * *m + force * weight;
             }
-            let residual = &mut residual[first..first + range.len()];
-            self.active.add_friction((part, *worked_on), range.start, residual);
-            self.active.add_drag((part, *worked_on), range.start, &drag, v, residual);
+            self.active.add_friction(part, range.start, residual);
+            self.active.add_drag(part, range.start, &drag, v, residual);
         }
     }
 }

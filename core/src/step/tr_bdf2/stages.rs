@@ -4,7 +4,6 @@ use super::{ALPHA, GAMMA, U, W};
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, ReversalTest};
 use crate::long_steps::SETTLED;
-use crate::parallel::working_set::WorkingSet;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::step::implicit::{StageArrays, StageEquation, StageSolver};
 
@@ -48,7 +47,7 @@ fn bdf2_again(dt: f64) -> StageEquation {
 pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let (at, stage) = (solver.at, trapezoid(solver.at.dt));
     solver.begin(GAMMA * at.dt);
-    let in_layers = solver.vertices_in_layers();
+    let in_layers = solver.parts_in_layers();
     let StageArrays { v_start, v_inertial, x, v, .. } = &mut *solver.arrays;
     v_inertial.copy_from_slice(&v_start[at.parts.own()]);
     at.predict((ALPHA, &in_layers), (v, v_start), |vertex| at.start.a[vertex] * (GAMMA * at.dt));
@@ -74,9 +73,9 @@ pub(super) fn first_stage(solver: &mut StageSolver<'_>) -> Outcome {
 pub(super) fn second_stage(solver: &mut StageSolver<'_>) -> Outcome {
     let (at, stage) = (solver.at, bdf2(solver.at.dt));
     set_inertial(solver);
-    let in_layers = solver.vertices_in_layers();
+    let in_layers = solver.parts_in_layers();
     let StageArrays { v_start, v_first, x, v, worked_on, .. } = &mut *solver.arrays;
-    worked_on.fill(WorkingSet::ALL);
+    worked_on.fill(true);
     let change = |vertex: usize| (v_first[vertex] - v_start[vertex]) * ((1.0 - GAMMA) / GAMMA);
     at.predict((ALPHA, &in_layers), (v, v_first), change);
     let prescription = at.with(solver.active);
@@ -120,16 +119,16 @@ pub(super) fn second_stage_again(
     solver.active.add(at.parts, met);
     at.parts.halo().update(at.parts.ranks(), &mut solver.arrays.change);
     // What only rounding moves was not moved.
-    let moved = solver.vertices_moved(f64::EPSILON.sqrt() * at.stop.tolerance, false);
+    let moved = solver.parts_moved(f64::EPSILON.sqrt() * at.stop.tolerance, false);
     for (part, (worked_on, moved)) in solver.arrays.worked_on.iter_mut().zip(moved).enumerate() {
-        *worked_on |= moved | solver.active.vertices_of(at.parts, part);
+        *worked_on |= moved || !solver.active.of_part(part).is_empty();
     }
     if !solver.has_work() {
         return Outcome::NONE;
     }
     let prescription = at.with(solver.active);
     prescription.set_velocities(&mut solver.arrays.v, |contact, v| contact.prescribe(v, &contact.velocity));
-    solver.linearise_where_moved(&stage);
+    solver.linearise(&stage);
     solver.active.begin_stage(1.0, |_| Vec3::zeros());
     let outcome = solver.solve(&stage);
     solver.active.stop_reversed(&mut solver.arrays.v, |contact| contact.velocity);
