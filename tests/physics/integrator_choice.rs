@@ -96,6 +96,11 @@ fn every_number_of_ranks_chooses_the_same_and_moves_as_with_the_choice_written_o
 /// Frames of the wrung sheet, in one of which its integrator changes.
 const WRUNG_FRAMES: i64 = 8;
 
+/// A stiff sheet that its edges wring by three turns a second.
+fn stiff_wrung() -> SceneDescription {
+    wrung(24, 5000.0, 3.0, WRUNG_FRAMES)
+}
+
 /// The frames behind which the integrator changes and the integrators that it changes to, and a snapshot of each frame.
 type Course = (Vec<(i64, Integrator)>, Vec<Snapshot>);
 
@@ -121,8 +126,7 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
     let on = |count: usize| {
         let work = |communicator| {
             let ranks = Ranks::new(communicator);
-            let scene = Scene::distribute(&ranks, ranks.is_first().then(|| wrung(24, 5000.0, 3.0, WRUNG_FRAMES)))
-                .expect("a valid scene");
+            let scene = Scene::distribute(&ranks, ranks.is_first().then(stiff_wrung)).expect("a valid scene");
             let start = scene.share_input(ranks.is_first().then(|| FrameInput::to_frame(0)));
             let mut simulation = Simulation::new(scene, &start).expect("a start");
             assert!(simulation.scene().may_change_integrator());
@@ -134,7 +138,7 @@ fn wrung_cloth_changes_to_short_steps_at_the_same_frame_on_any_ranks_and_after_a
     let Some((changed, Integrator::SemiImplicit)) = changes.first() else { panic!("no change: {changes:?}") };
     assert!(on(3) == (changes.clone(), snapshots.clone()), "three ranks");
     for stop in [changed - 1, *changed, changed + 1] {
-        let scene = Scene::validate(wrung(24, 5000.0, 3.0, WRUNG_FRAMES)).expect("a valid scene");
+        let scene = Scene::validate(stiff_wrung()).expect("a valid scene");
         let kept = &snapshots[stop as usize - 1];
         let mut resumed = Simulation::restore(scene, &FrameInput::to_frame(stop), kept).expect("a snapshot of it");
         assert!(resumed.snapshot() == *kept, "frame {stop}");
