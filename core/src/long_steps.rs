@@ -7,8 +7,8 @@
 /// B.1 is corrected in B.5, which goes on until modes are settled, or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const MOST_ROUNDS: usize = 4;
 
-/// Most solves of a stage in which the last one has left a pair unsettled, or, where positions are given, a mode. A step with a stage that has not settled after all of them
-/// has gone wrong and is taken back. Guarded by `layers_with_one_step_a_frame_never_cross`.
+/// Most solves of a stage in which the last one has left a pair unsettled, or, where positions are given, a mode. A step with a stage of which a
+/// part has not settled after all of them has gone wrong and is taken back. Guarded by `layers_with_one_step_a_frame_never_cross`.
 pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
 
 /// Share of the reactions of bodies that may be beyond Coulomb's law at the end of the first stage, the second, and B.5. The later ones
@@ -22,6 +22,11 @@ pub(crate) const WRONG: f64 = 0.02;
 /// Change of a pair's normal velocity in the last round of a stage, times the step and over the pair's thickness, above which the pair
 /// is unsettled: its force is not known then. Its distance changes by α, 0.29, times as much. Guarded by `layers_with_one_step_a_frame_never_cross`.
 pub(crate) const SETTLED_PAIR: f64 = 0.5;
+
+/// Largest share of the vertices of a part that may belong to unsettled pairs at the end of a stage. A landing unsettles whole parts, and shorter
+/// steps settle it. A pinch unsettles a few vertices at any length of the step. Guarded by
+/// `layers_with_one_step_a_frame_never_cross` and `layers_of_a_rope_keep_a_distance_in_long_steps`.
+pub(crate) const UNSETTLED_SHARE: f64 = 0.05;
 
 /// Cap on the extrapolated displacement per stage, in mean edge lengths. After an impact the acceleration before is a bad prediction.
 /// Guarded by `a_square_hung_by_two_corners_converges_with_second_order_from_four_steps_a_frame`.
@@ -46,10 +51,14 @@ pub(crate) const CONVERGED: f64 = 3.0;
 /// `a_pair_in_the_solves_keeps_its_distance_under_pressure`.
 pub(crate) const PRESSURE: f64 = 1000.0;
 
-/// Factors of the cube and of the fourth power of the overlap over the thickness in the force of a pair, of which the linear part has 1: waistbands,
+/// Factors of the cube and of the fourth power of the overlap over the thickness in the force of a pair of cloth, of which the linear part has 1: waistbands,
 /// which press with kilopascals, keep a distance too, and ropes of cloth, which press with tens of them. Guarded by
 /// `a_pair_in_the_solves_keeps_its_distance_under_pressure` and `layers_of_a_rope_keep_a_distance_in_long_steps`.
 pub(crate) const STIFFENING: [f64; 2] = [3.0, 50.0];
+
+/// The same of a pair of cloth and a body. Where parts of a body pinch cloth nothing bounds what presses it, and pairs that push more steeply
+/// settle less often. Guarded by `a_body_that_presses_cloth_meets_a_push_without_the_fourth_power`.
+pub(crate) const STIFFENING_ON_BODIES: [f64; 2] = [3.0, 0.0];
 
 /// Overlap over the thickness up to which the spring's stiffness grows from nothing. With all of it at the first touch, pairs of sheets
 /// that slide on each other came and went from round to round. Guarded by `a_pair_in_the_solves_keeps_its_distance_under_pressure`.

@@ -15,7 +15,7 @@ use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::long_steps::{
     EDGE_ENDS, FIRST_TANGENT, KEPT_APART, LOOK_AHEAD, LOOK_BEHIND, ONSET, PAIR_DAMPING, PARALLEL_EDGES, PRESSURE,
-    SHARED_END, STIFFENING,
+    SHARED_END, STIFFENING, STIFFENING_ON_BODIES,
 };
 use crate::parallel::simd4::Simd4;
 
@@ -210,31 +210,38 @@ struct PairSpring {
     linear: f64,
     /// Distance that the pair keeps [m].
     thickness: f64,
+    /// Factors of the cube and of the fourth power of the overlap over the thickness.
+    stiffening: [f64; 2],
 }
 
 impl PairSpring {
-    /// Push of a pair that yields by half of its thickness, over that of a linear spring that yields by all of it.
+    /// Push of two layers that yield by half of their thickness, over that of a linear spring that yields by all of it.
     const HALF_PUSH: f64 = 0.5 + STIFFENING[0] / 8.0 + STIFFENING[1] / 16.0 - 0.5 * ONSET;
 
-    /// The spring of a pair of which the linear stiffness is `linear` [N/m] where nothing presses it. It is stiffer where more presses it
-    /// [N] than it bears at half of its thickness: with any bound of its push a stage would take the sides through each other, and C would
-    /// throw them apart again in every step.
-    fn pressed(linear: f64, thickness: f64, pressing_force: f64) -> Self {
-        let half = Self::HALF_PUSH * linear * thickness;
-        Self { linear: linear * (pressing_force / half).max(1.0), thickness }
+    /// The spring of a pair that nothing presses.
+    fn new(linear: f64, thickness: f64, is_on_body: bool) -> Self {
+        Self { linear, thickness, stiffening: if is_on_body { STIFFENING_ON_BODIES } else { STIFFENING } }
+    }
+
+    /// The spring that is stiffer where more presses it [N] than two layers bear at half of their thickness: with any bound of its push a
+    /// stage would take the sides through each other, and C would throw them apart again in every step.
+    fn pressed_by(self, pressing_force: f64) -> Self {
+        let half = Self::HALF_PUSH * self.linear * self.thickness;
+        Self { linear: self.linear * (pressing_force / half).max(1.0), ..self }
     }
 
     /// Push F [N] at `y` [m], which is the overlap of a pair at rest, and its derivative F' [N/m]: F is convex and increases,
     /// so that Newton's method finds the push of a pair without turning round.
     fn at(&self, y: f64) -> (f64, f64) {
-        let Self { linear, thickness } = *self;
-        // p = P (s + a s³ + b s⁴) with s = o/H, less what the onset takes, and the tangent at o = H beyond it.
+        let Self { linear, thickness, stiffening } = *self;
+        // p = P (s + a s³ + b s⁴) with s = o/H, less the share of the onset, and the tangent at o = H beyond it.
         let inside = y.min(thickness);
         let share = inside / thickness;
         let begun = (share / ONSET).min(1.0);
-        let [third, fourth] = [STIFFENING[0] * share.powi(2), STIFFENING[1] * share.powi(3)];
-        let stiffness = linear * (begun + 3.0 * third + 4.0 * fourth);
-        let push = linear * ((begun + third + fourth) * inside - 0.5 * begun * begun * ONSET * thickness);
+        // Terms of the cube and of the fourth power, over s.
+        let [cubic, quartic] = [stiffening[0] * share.powi(2), stiffening[1] * share.powi(3)];
+        let stiffness = linear * (begun + 3.0 * cubic + 4.0 * quartic);
+        let push = linear * ((begun + cubic + quartic) * inside - 0.5 * begun * begun * ONSET * thickness);
         (push + stiffness * (y - inside), stiffness)
     }
 
@@ -385,7 +392,9 @@ impl OrientedPair {
             return None;
         }
         let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
-        let mut spring = PairSpring::pressed(self.linear_stiffness(at), self.thickness, pressing_force);
+        let body = surface.body_of(&nodes);
+        let spring = PairSpring::new(self.linear_stiffness(at), self.thickness, body.is_some());
+        let mut spring = spring.pressed_by(pressing_force);
         let damped = mollifier.max(SOFTEST_EDGES) * spring.linear;
         spring.linear *= mollifier;
         let approach = velocity.dot(&normal);
@@ -401,7 +410,7 @@ impl OrientedPair {
         }
         let slip = velocity - normal * approach;
         let of_cloth = || surface.friction().of(laws.friction, nodes, weights);
-        let friction = surface.body_of(&nodes).map_or_else(of_cloth, |body| body.friction);
+        let friction = body.map_or_else(of_cloth, |body| body.friction);
         let speed = slip.norm();
         let (push, stiffness) = if at.is_guess { spring.linearised(y, &history) } else { spring.at(y) };
         let first_slip = *history.first_slip.get_or_insert(speed);

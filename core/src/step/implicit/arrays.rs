@@ -39,8 +39,11 @@ pub(crate) struct StageArrays {
     pub(super) has_iterated: bool,
     /// Own parts that the solves work on.
     pub(in crate::step) worked_on: Vec<bool>,
-    /// Own vertices of pairs that stages have left unsettled, by their numbers in the scene; some on all ranks where any has one.
+    /// Own vertices of pairs that stages have left unsettled in too large a share of a part, by their numbers in the scene; some on all ranks
+    /// where any has such a part.
     pub(in crate::step) unsettled_vertices: Option<Vec<u32>>,
+    /// Whether a stage of the step has left a pair unsettled on some rank.
+    pub(in crate::step) has_unsettled_pair: bool,
 }
 
 impl StageArrays {
@@ -49,7 +52,7 @@ impl StageArrays {
         self.pairs.iter().filter(move |pair| pair.last_change * dt > SETTLED_PAIR)
     }
 
-    /// Hands on whether stages since the last report have left pairs unsettled, and their vertices.
+    /// Hands on whether stages since the last report have left parts unsettled, and the vertices.
     pub(super) fn report_unsettled(&mut self, report: &mut StepReport) {
         if let Some(vertices) = self.unsettled_vertices.take() {
             report.unsettled = true;
@@ -81,6 +84,7 @@ impl StageArrays {
             has_iterated,
             worked_on: vec![true; parts.count()],
             unsettled_vertices: None,
+            has_unsettled_pair: false,
         }
     }
 

@@ -6,7 +6,7 @@ use super::stage::{StageEquation, StageSolver};
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
-use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH};
+use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, UNSETTLED_SHARE};
 use crate::parallel::simd4::Simd4;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
@@ -140,11 +140,12 @@ impl StageSolver<'_> {
                 break;
             }
             let moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
-            let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
+            let [is_unsettled, in_large_share] = if round >= MOST_ROUNDS { self.has_unsettled() } else { [false; 2] };
             let modes_settled = !stage.positions_given || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && modes_settled;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
-                if is_unsettled {
+                self.arrays.has_unsettled_pair |= is_unsettled;
+                if in_large_share {
                     self.note_unsettled();
                 }
                 self.arrays.worked_on = moved;
@@ -175,12 +176,35 @@ impl StageSolver<'_> {
         }
     }
 
-    /// Notes that pairs of the stage are unsettled, and their own vertices.
+    /// Own nodes of unsettled pairs, ascending.
+    fn unsettled_nodes(&self) -> Vec<u32> {
+        let Some(contact) = &self.repulsion else { return Vec::new() };
+        let of_pairs = self.arrays.unsettled(self.at.dt).flat_map(|pair| pair.nodes);
+        let mut nodes: Vec<u32> = of_pairs.filter(|node| contact.nodes().is_own(*node)).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// Whether a pair is unsettled on some rank, and whether more than [`UNSETTLED_SHARE`] of the vertices of some part belong to such
+    /// pairs. All ranks call it together.
+    fn has_unsettled(&self) -> [bool; 2] {
+        let parts = self.at.parts;
+        let nodes = self.unsettled_nodes();
+        let first_own = self.repulsion.as_deref().map_or(0, |contact| contact.nodes().own().start);
+        let mut counts = vec![0.0; parts.count()];
+        for node in &nodes {
+            counts[parts.part_of(*node as usize - first_own + parts.own().start)] += 1.0;
+        }
+        let is_large =
+            counts.iter().zip(parts.ranges()).any(|(count, part)| *count > UNSETTLED_SHARE * part.len() as f64);
+        parts.ranks().any_of([!nodes.is_empty(), is_large])
+    }
+
+    /// Notes that a part is unsettled at the end of the stage, and the own vertices of unsettled pairs.
     fn note_unsettled(&mut self) {
         let Some(contact) = &self.repulsion else { return };
-        let nodes = contact.nodes();
-        let of_pairs = self.arrays.unsettled(self.at.dt).flat_map(|pair| pair.nodes);
-        let own = of_pairs.filter(|node| nodes.is_own(*node)).map(|node| nodes.number(node)).collect();
+        let own = self.unsettled_nodes().into_iter().map(|node| contact.nodes().number(node)).collect();
         self.arrays.unsettled_vertices.get_or_insert_default().append(&mut { own });
     }
 

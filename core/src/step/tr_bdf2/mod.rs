@@ -47,6 +47,7 @@ impl<'a> Step<'a> {
         let (parts, dt, retries) = (self.parts, self.settings.dt, self.settings.retries);
         let mut solver = self.stage_solver();
         solver.active.set(parts, resting);
+        solver.arrays.has_unsettled_pair = false;
         let first = stages::first_stage(&mut solver);
         let is_taken_back = retries && (first.worse || solver.arrays.unsettled_vertices.is_some());
         self.report_stage(first, "B.1");
@@ -85,6 +86,8 @@ impl<'a> Step<'a> {
         }
         if let Some(contact) = self.contacts.cloth.as_ref().filter(|contact| contact.repels()) {
             contact.count_pair_forces(self.metrics);
+            let is_unsettled = self.cloth.scratch.stages.as_ref().is_some_and(|arrays| arrays.has_unsettled_pair);
+            self.metrics.count_once(parts.ranks(), "layers_unsettled", u64::from(is_unsettled));
         }
         self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 1);
     }

@@ -125,7 +125,7 @@ fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
 
 #[test]
 fn a_pair_that_was_pressed_stays_in_a_guess_that_parts_it_a_little() {
-    let spring = PairSpring { linear: 1000.0, thickness: THICKNESS };
+    let spring = PairSpring::new(1000.0, THICKNESS, false);
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
         for overlap in [0.03, 0.2] {
             let mut touching = CloseTriangles::new(kind);
@@ -156,7 +156,7 @@ fn a_pair_that_was_pressed_stays_in_a_guess_that_parts_it_a_little() {
 
 #[test]
 fn newtons_method_comes_to_a_light_load_in_a_few_rounds() {
-    let spring = PairSpring { linear: 1000.0, thickness: THICKNESS };
+    let spring = PairSpring::new(1000.0, THICKNESS, false);
     let load = spring.at(0.02 * THICKNESS).0;
     for first in [0.05, 0.4, 0.9, 3.0] {
         let rounds = |is_linearised: bool| -> usize {
@@ -239,6 +239,15 @@ fn a_pair_in_the_solves_keeps_its_distance_under_pressure() {
         touching.shift(Vec3::y() * ((1.0 - overlap) * THICKNESS - distance));
         let found = touching.force().expect("it is in touch").force.norm() / area;
         assert!((found - pressure).abs() < 1e-6 * pressure, "{found} Pa at {overlap} of the thickness, not {pressure}");
+    }
+}
+
+#[test]
+fn a_body_that_presses_cloth_meets_a_push_without_the_fourth_power() {
+    let [on_cloth, on_body] = [false, true].map(|is_on_body| PairSpring::new(1.0, 1.0, is_on_body));
+    for (overlap, cube, difference) in [(0.1, 0.053, 0.005), (0.5, 0.825, 3.125), (1.0, 3.95, 50.0)] {
+        let [cloth, body] = [&on_cloth, &on_body].map(|spring| spring.at(overlap).0);
+        assert!((body - cube).abs() < 1e-12 && (cloth - body - difference).abs() < 1e-12, "{overlap}: {body} {cloth}");
     }
 }
 
@@ -360,7 +369,7 @@ fn a_pair_that_lands_on_its_onset_hardly_bounces() {
     let linear = found.stiffness / (1.0 + 9.0 * overlap * overlap);
     let damping_time = found.damping[0] / found.stiffness;
     let response = (PAIR_DAMPING / damping_time).powi(2) / linear;
-    let spring = PairSpring { linear, thickness: THICKNESS };
+    let spring = PairSpring::new(linear, THICKNESS, false);
     // At the speed at which the linear spring alone would stop it within the onset; small steps, exact but for their error.
     let speed = ONSET * THICKNESS * (linear * response).sqrt();
     let dt = 1e-4 * ONSET * THICKNESS / speed;
