@@ -161,14 +161,20 @@ fn layers_of_a_rope_keep_a_distance_in_long_steps() {
     let mut description = wrung(24, 1000.0, 1.5, 16);
     description.solver.integrator = Integrator::TrBdf2;
     let mut simulation = start(description);
-    let metrics = run_free(&mut simulation, 16);
+    let (mut metrics, mut given_up) = (Metrics::default(), 0);
+    for _ in 0..16 {
+        let summary = run(&mut simulation, 1);
+        assert_eq!(simulation.crossings(), [], "frame {}", summary.frame);
+        given_up += summary.recoveries.iter().filter(|recovery| recovery.failure == "layers did not settle").count();
+        metrics.add(&summary.metrics);
+    }
     // Tens of thousands where pairs push with no more than 4 kPa before their sides meet.
     let hits = metrics.counted("collision_hits");
     assert!(hits < 5000, "{hits}");
     assert!(metrics.counted("repulsions") > 10_000, "layers touch");
     // Most steps in which a few pairs have not settled are kept.
-    let [unsettled, retried] = ["layers_unsettled", "retried_shorter"].map(|name| metrics.counted(name));
-    assert!(unsettled > 0 && retried < 2 * unsettled, "{unsettled} steps unsettled, {retried} retried");
+    let unsettled = metrics.counted("layers_unsettled") as usize;
+    assert!(unsettled > 2 * given_up, "{unsettled} steps with unsettled pairs, {given_up} retried for them");
 }
 
 #[test]
