@@ -87,7 +87,8 @@ impl<'a> Step<'a> {
         if let Some(contact) = self.contacts.cloth.as_ref().filter(|contact| contact.repels()) {
             contact.count_pair_forces(self.metrics);
             let is_unsettled = self.cloth.scratch.stages.as_ref().is_some_and(|arrays| arrays.has_unsettled_pair);
-            self.metrics.count_once(parts.ranks(), "layers_unsettled", u64::from(is_unsettled));
+            let is_kept = is_unsettled && !self.report.unsettled;
+            self.metrics.count_once(parts.ranks(), "layers_unsettled", u64::from(is_kept));
         }
         self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 1);
     }
