@@ -57,12 +57,15 @@ impl Heart {
         };
         let is_first = ranks.is_first();
         let tell = move |news| match news {
+            News::Connected if is_first => {
+                tracing::info!("heartbeats with all ranks: a lost one is noticed from now on")
+            }
             News::Unreachable(others) if is_first => tracing::warn!(
                 "no heartbeats with {}: no TCP connection can be established (a firewall?); the run continues, but may hang if \
                  such a rank, its machine or its network is lost",
                 others.join(", ")
             ),
-            News::Unreachable(_) => {}
+            News::Connected | News::Unreachable(_) => {}
             News::Lost(lost) => end(is_first, &lost),
         };
         match Heartbeats::start(ranks, of_all, &Owner::this_process().to_string(), tell) {

@@ -25,7 +25,7 @@ pytestmark = [
 ]
 
 # Lasts until it is disturbed in its second frame, and not much longer.
-LONG = Shot(SAMPLES / "twister.toml", "0-14", resolution=16)
+LONG = Shot(SAMPLES / "twister.toml", "0-14", resolution=32)
 
 # Exit code of a rank that has lost another one.
 RANK_LOST = 69
@@ -57,6 +57,12 @@ def wait_until(holds, what):
     return time.monotonic() - began
 
 
+def await_heartbeats(job, out, frame):
+    """Waits for a frame, and for the connections of the heartbeats: only after them is a lost rank noticed."""
+    await_frame(job, out, frame)
+    wait_until(lambda: any("heartbeats with all ranks" in log.read_text() for log in (out / "logs").glob("*.log")), "no heartbeats")
+
+
 def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole, make_machines, tmp_path, report_figure):
     machines = make_machines()
     out, folder = tmp_path / "out", machines.folder
@@ -64,7 +70,7 @@ def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole
     launch = machines.mpirun(2, folder / "rank", folder, PROGRAM, *run[1:])
     with open(f"{out}.words", "w") as words:
         job = subprocess.Popen(launch, env=ENVIRONMENT | QUICK, stdin=subprocess.DEVNULL, stdout=words, stderr=words)
-    await_frame(job, out, 2)
+    await_heartbeats(job, out, 2)
     assert sorted(processes(out)) == [0, 1]
     began = time.monotonic()
     machines.cut()
@@ -111,7 +117,7 @@ def start(out, timeout):
 def test_a_rank_that_stands_still_is_lost_and_the_others_end(whole, tmp_path, report_figure, lost):
     out = tmp_path / "out"
     job = start(out, f"{TIMEOUT}s")
-    await_frame(job, out, 4)
+    await_heartbeats(job, out, 4)
     found = processes(out)
     began = time.monotonic()
     os.kill(found[lost], signal.SIGSTOP)
@@ -134,7 +140,7 @@ def test_a_rank_that_stands_still_is_lost_and_the_others_end(whole, tmp_path, re
 def test_a_rank_that_is_stopped_for_a_while_is_not_lost(whole, tmp_path):
     out = tmp_path / "out"
     job = start(out, "20s")
-    await_frame(job, out, 2)
+    await_heartbeats(job, out, 2)
     found = processes(out)
     # Longer than several heartbeats.
     for rank in (0, 1):

@@ -69,6 +69,8 @@ impl std::fmt::Display for Lost {
 /// News of the other ranks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum News {
+    /// The connections to all other ranks are established. Said once.
+    Connected,
     /// With these no connection came about, so their loss will not be noticed. Said once.
     Unreachable(Vec<String>),
     /// These are lost. Said once, and nothing after it.
@@ -288,8 +290,8 @@ impl Watch {
             if !lost.is_empty() {
                 return tell(News::Lost(lost));
             }
-            if let Some(unreachable) = self.end_of_calls(passed) {
-                tell(News::Unreachable(unreachable));
+            if let Some(news) = self.end_of_calls(passed) {
+                tell(news);
             }
         }
     }
@@ -390,8 +392,8 @@ impl Watch {
         lost
     }
 
-    /// When the time for calls is over, or all are connected: nobody calls any more. Returns once who is not.
-    fn end_of_calls(&mut self, passed: Duration) -> Option<Vec<String>> {
+    /// When the time for calls is over, or all are connected: nobody calls any more. Returns once whether all are connected.
+    fn end_of_calls(&mut self, passed: Duration) -> Option<News> {
         if !self.is_calling() {
             return None;
         }
@@ -409,7 +411,7 @@ impl Watch {
         }
         self.listener = None;
         self.guests.clear();
-        (!missing.is_empty()).then_some(missing)
+        Some(if missing.is_empty() { News::Connected } else { News::Unreachable(missing) })
     }
 }
 

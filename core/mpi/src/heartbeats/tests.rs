@@ -146,7 +146,7 @@ fn ranks_that_cannot_be_reached_are_named_once() {
     watch.add(1, Link::new(own));
     watch.peers[1].is_known = true;
     assert_eq!(watch.end_of_calls(CALLING / 2), None);
-    assert_eq!(watch.end_of_calls(CALLING / 2), Some(vec!["rank 2 (host:2)".to_owned()]));
+    assert_eq!(watch.end_of_calls(CALLING / 2), Some(News::Unreachable(vec!["rank 2 (host:2)".to_owned()])));
     assert_eq!(watch.end_of_calls(CALLING), None);
     assert!(watch.listener.is_none());
 }
