@@ -200,7 +200,10 @@ pub const SOLVER_VERSION: u32 = 10;
 pub fn solver_version(integrator: scene::Integrator) -> u32 {
     SOLVER_VERSION
         + match integrator {
-            scene::Integrator::Auto => scene::Integrator::ALL.iter().map(|one| one.spec().version).sum(),
+            scene::Integrator::Auto => {
+                let of_both: u32 = scene::Integrator::ALL.iter().map(|one| one.spec().version).sum();
+                of_both + simulation::CHOICE_VERSION
+            }
             one => one.spec().version,
         }
 }

@@ -87,6 +87,7 @@ friction = 0.5",
             "collision_steps_k16",
             "collision_steps_shortened",
             "pair_searches",
+            "pairs_near",
         ],
         ..Report::NONE
     },

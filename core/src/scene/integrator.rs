@@ -19,8 +19,8 @@ choice! {
         /// and stiff motion dies out.
         TrBdf2 = "tr_bdf2",
         // `docs/theory/tr_bdf2.md#when-long-steps-pay`.
-        /// The one of these that is expected to take less time, from the sizes and the stiffness of the scene. A shot that starts with long
-        /// steps takes short ones in frames in which long ones have become slower.
+        /// The one of these that is expected to take less time, from the sizes and the stiffness of the scene. The other one is tried for a
+        /// frame now and then, and stays where it is faster.
         Auto = "auto",
     }
 }

@@ -409,8 +409,8 @@ impl Scene {
         &self.description
     }
 
-    /// Whether the integrator may change between frames: the scene leaves it to the solver, and started with long steps
-    /// ([`Integrator::Auto`]). Known once a simulation was made of it.
+    /// Whether the integrator may change between frames: the scene leaves it to the solver ([`Integrator::Auto`]), and both can have it.
+    /// Known once a simulation was made of it.
     pub fn may_change_integrator(&self) -> bool {
         self.integrator_costs.is_some()
     }

@@ -1,8 +1,9 @@
 //! Change of the integrator between frames, in scenes that leave it to the solver
 //! (`docs/theory/tr_bdf2.md#a-change-within-the-shot`).
 //!
-//! A shot that starts with long steps goes on with short ones where folded or struck cloth makes long steps the dearer ones, and tries
-//! long steps again later. Costs follow from counts, never from the clock, so that every run changes at the same frames.
+//! The integrator that is not present is tried for one frame: where the present one costs more than the other is known to cost, and
+//! after some time in any case. It stays if its frame costs less. Costs follow from counts, never from the clock, so that every run
+//! changes at the same frames.
 
 use std::sync::Arc;
 
@@ -15,14 +16,10 @@ use crate::snapshot::rows::TargetNumbers;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::snapshot::{SnapshotError, SnapshotSource};
 
-const SECTION: SectionId = SectionId { name: "integrator", version: 1 };
+const SECTION: SectionId = SectionId { name: "integrator", version: 2 };
 
-/// Cost of a frame over the cost of one with the other integrator above which a frame is dear: counts tell costs within a factor of 1.5,
-/// and a change has a price of its own.
-const DEAR: f64 = 1.5;
-
-/// The same above which one frame after a change is enough to take it back.
-const TOO_DEAR: f64 = 2.0;
+/// Cost of a frame over the cost of one with the other integrator above which a frame is dear.
+const DEAR: f64 = 1.25;
 
 /// Frames in a row that have to be dear.
 const FRAMES: usize = 2;
@@ -30,15 +27,15 @@ const FRAMES: usize = 2;
 /// Names of the costs of the last frames in a snapshot.
 const RECENT: [&str; FRAMES] = ["recent_0", "recent_1"];
 
-/// Time with short steps after which long ones are tried again for the first time [s of film]: a landing or a pinch is over.
-const FIRST_WAIT: f64 = 0.25;
+/// Time with each of [`Integrator::ALL`] after which the other one is tried for the first time [s of film]: a landing or a pinch is over.
+const FIRST_WAITS: [f64; 2] = [0.25, 1.0];
 
 /// Costs of frames with both integrators. Which one is present says the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct IntegratorChange {
     sizes: SceneSizes,
-    /// Frames that short steps stay at least.
-    first_wait: u64,
+    /// Frames with each of [`Integrator::ALL`] after which the other one is tried for the first time.
+    first_waits: [u64; 2],
     /// Cost of a frame with each of [`Integrator::ALL`] [CPU s]: as expected, and for the one before the present as it was.
     costs: [f64; 2],
     /// Counts of the frame under way, up to the last pause: sums of costs would depend on where the pauses are.
@@ -47,26 +44,27 @@ pub(super) struct IntegratorChange {
     recent: [f64; FRAMES],
     /// Frames with the present integrator.
     frames: u64,
-    /// Frames with short steps after which long ones are tried again.
-    wait: u64,
-    /// Number of changes so far.
-    changes: u64,
+    /// Frames with each of [`Integrator::ALL`] after which the other one is tried.
+    waits: [u64; 2],
+    /// Whether the present integrator is tried.
+    is_trial: bool,
 }
 
 impl IntegratorChange {
     /// Nothing simulated yet; none where the scene keeps its integrator. All ranks call it together.
     pub(super) fn new(scene: &Scene) -> Option<Self> {
         let costs = scene.integrator_costs?;
-        let first_wait = (FIRST_WAIT / scene.description().timeline.frame_duration()).round().max(1.0) as u64;
+        let frame = scene.description().timeline.frame_duration();
+        let first_waits = FIRST_WAITS.map(|wait| (wait / frame).round().max(1.0) as u64);
         Some(Self {
             sizes: SceneSizes::of(scene),
-            first_wait,
+            first_waits,
             costs,
             under_way: Counts::default(),
             recent: [0.0; FRAMES],
             frames: 0,
-            wait: first_wait,
-            changes: 0,
+            waits: first_waits,
+            is_trial: false,
         })
     }
 
@@ -82,29 +80,35 @@ impl IntegratorChange {
         self.recent[0] = cost;
         self.frames = self.frames.saturating_add(1);
         let other = other_than(present);
-        let known = self.costs[other as usize];
+        let [here, there] = [present as usize, other as usize];
+        if std::mem::take(&mut self.is_trial) {
+            self.costs[here] = cost;
+            let is_in_vain = cost >= self.costs[there];
+            self.waits[there] = if is_in_vain { self.waits[there].saturating_mul(2) } else { self.first_waits[there] };
+            self.frames = 0;
+            return is_in_vain.then(|| self.leave(other));
+        }
         let seen = (self.frames as usize).min(FRAMES);
-        let is_dear = seen == FRAMES && self.recent.iter().all(|cost| *cost > DEAR * known);
-        let is_too_dear = seen < FRAMES && self.recent[0] > TOO_DEAR * known && self.changes > 0;
-        let is_tried_again = !present.spec().is_implicit && self.frames >= self.wait;
-        if !(is_dear || is_too_dear || is_tried_again) {
+        let is_dear = seen == FRAMES && self.recent.iter().all(|cost| *cost > DEAR * self.costs[there]);
+        if !is_dear && self.frames < self.waits[here] {
             return None;
         }
-        if present.spec().is_implicit {
-            // Tried in vain: the next attempt is later.
-            let was_in_vain = self.changes > 0 && self.frames <= self.wait;
-            self.wait = if was_in_vain { self.wait.saturating_mul(2) } else { self.first_wait };
-        }
-        self.costs[present as usize] = self.recent[..seen].iter().sum::<f64>() / seen as f64;
+        self.costs[here] = self.recent[..seen].iter().sum::<f64>() / seen as f64;
+        self.is_trial = true;
+        Some(self.leave(other))
+    }
+
+    /// Goes on with the other integrator, of which no frame is known yet.
+    fn leave(&mut self, other: Integrator) -> Integrator {
         (self.recent, self.frames) = ([0.0; FRAMES], 0);
-        self.changes = self.changes.saturating_add(1);
-        Some(other)
+        other
     }
 
     /// Stays with the present integrator: effects cannot be built with the other one.
     fn stay_with(&mut self, present: Integrator) {
         self.costs[other_than(present) as usize] = f64::MAX;
-        self.wait = u64::MAX;
+        self.waits[present as usize] = u64::MAX;
+        self.is_trial = false;
     }
 
     /// Section with all that a snapshot needs of it.
@@ -114,8 +118,9 @@ impl IntegratorChange {
             .with("short", Field::single(self.costs[0]))
             .with("long", Field::single(self.costs[1]))
             .with("frames", Field::single(self.frames))
-            .with("wait", Field::single(self.wait))
-            .with("changes", Field::single(self.changes));
+            .with("wait_short", Field::single(self.waits[0]))
+            .with("wait_long", Field::single(self.waits[1]))
+            .with("is_trial", Field::single(u64::from(self.is_trial)));
         let recent = RECENT.into_iter().zip(self.recent);
         let section = recent.fold(section, |section, (name, cost)| section.with(name, Field::single(cost)));
         let counts = COUNTS.into_iter().zip(self.under_way);
@@ -127,7 +132,8 @@ impl IntegratorChange {
         self.costs = [section.single("short"), section.single("long")];
         self.under_way = COUNTS.map(|name| section.single(name));
         self.frames = section.single("frames");
-        (self.wait, self.changes) = (section.single("wait"), section.single("changes"));
+        self.waits = [section.single("wait_short"), section.single("wait_long")];
+        self.is_trial = section.single::<u64>("is_trial") > 0;
         self.recent = RECENT.map(|name| section.single(name));
         Integrator::ALL[usize::from(section.single::<u64>("is_implicit") > 0)]
     }
@@ -208,13 +214,13 @@ mod tests {
         let sizes = SceneSizes { vertices: 1.0, triangles: 1.0, surface_triangles: 0.0, shapes: 0.0, surfaces: 0.0 };
         IntegratorChange {
             sizes,
-            first_wait: 4,
+            first_waits: [4, 16],
             costs: [3.0, 1.0],
             under_way: Counts::default(),
             recent: [0.0; FRAMES],
             frames: 0,
-            wait: 4,
-            changes: 0,
+            waits: [4, 16],
+            is_trial: false,
         }
     }
 
@@ -229,18 +235,17 @@ mod tests {
     }
 
     #[test]
-    fn two_dear_frames_in_a_row_change_the_integrator_and_one_does_not() {
-        let found = course(&mut change(), LONG, &[9.0, 4.0, 9.0, 4.6, 4.6, 3.0]);
-        assert_eq!(found, [LONG, LONG, LONG, LONG, SHORT, SHORT]);
+    fn two_dear_frames_in_a_row_try_the_other_integrator_and_one_does_not() {
+        let found = course(&mut change(), LONG, &[9.0, 3.7, 9.0, 3.7, 3.8, 3.8, 3.0]);
+        assert_eq!(found, [LONG, LONG, LONG, LONG, LONG, LONG, SHORT]);
     }
 
     #[test]
-    fn long_steps_are_tried_again_after_some_frames_and_later_each_time_it_is_in_vain() {
-        let mut change = change();
-        // One frame at more than twice the cost, or two dear ones, end an attempt.
-        let costs = [[8.0; 2].as_slice(), &[3.0; 4], &[8.0], &[3.0; 8], &[5.0; 2], &[3.0; 16], &[1.0; 9]].concat();
-        let found = course(&mut change, LONG, &costs);
-        let expected = [[LONG; 2].as_slice(), &[SHORT; 4], &[LONG], &[SHORT; 8], &[LONG; 2], &[SHORT; 16], &[LONG; 9]];
+    fn a_trial_that_costs_less_stays_and_one_that_costs_more_ends_after_its_frame() {
+        // Short steps are tried after 16 frames, in vain, and then after 32; they cost less there.
+        let costs = [[1.0; 16].as_slice(), &[3.0], &[1.0; 32], &[0.5], &[0.5; 4], &[0.6], &[0.5]].concat();
+        let found = course(&mut change(), LONG, &costs);
+        let expected = [[LONG; 16].as_slice(), &[SHORT], &[LONG; 32], &[SHORT], &[SHORT; 4], &[LONG], &[SHORT]];
         assert_eq!(found, expected.concat());
     }
 

@@ -11,13 +11,13 @@ use crate::setup::validate::unused::check_unused;
 use crate::solve::implicit_velocity::by_part;
 use crate::state::State;
 
-/// Expected time of short steps over that of long ones in contact from which on long ones are taken: the latter is the least that they
-/// take, and draped cloth is strained more by them.
-const GAIN_IN_CONTACT: f64 = 1.5;
+/// Version of the choice and of the [change](super::integrator_change) between frames: raised whenever a shot that leaves the integrator to
+/// the solver takes another one in some frame.
+pub(crate) const CHOICE_VERSION: u32 = 1;
 
 /// Gives a scene the integrator that is expected to take less time, among those that read everything the scene says. Sizes and stiffness
-/// decide, never the clock. One that starts with long steps may [change](super::integrator_change) between frames. A scene that names its
-/// integrator keeps it. All ranks call it together, and choose the same.
+/// decide, never the clock. It may [change](super::integrator_change) between frames. A scene that names its integrator keeps it. All ranks
+/// call it together, and choose the same.
 ///
 /// # Errors
 /// No integrator can have this scene: the problems with the one that has fewer.
@@ -32,11 +32,9 @@ pub(super) fn choose_integrator(scene: &mut Arc<Scene>) -> Result<(), Problems> 
     });
     let takes_long = match (short, long) {
         (Ok(short), Ok(long)) => {
-            let gain = if long.is_least { GAIN_IN_CONTACT } else { 1.0 };
             let costs = [short.total(), long.total()];
-            let takes_long = costs[0] >= gain * costs[1];
-            scene.integrator_costs = takes_long.then_some(costs);
-            takes_long
+            scene.integrator_costs = Some(costs);
+            costs[0] >= costs[1]
         }
         (Err(_), Ok(_)) => true,
         (Ok(_), Err(_)) => false,

@@ -54,6 +54,7 @@ pub use cost::PlannedSteps;
 pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
 pub use frame_summary::{BrokenHold, FrameSummary, GarmentStrains, HoldOwner};
 use integrator_change::IntegratorChange;
+pub(crate) use integrator_choice::CHOICE_VERSION;
 use integrator_choice::choose_integrator;
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;

@@ -212,6 +212,12 @@ impl Repulsions {
         }
     }
 
+    /// Number of pairs canonical here that [`Repulsions::record_orientations`] gave a side.
+    pub(crate) fn near(&self, nodes: &ContactNodes) -> u64 {
+        let oriented = self.kinds.iter().flat_map(|of_kind| &of_kind.oriented);
+        oriented.filter(|oriented| nodes.is_canonical_rank(&oriented.pair.nodes)).count() as u64
+    }
+
     /// The positions have changed since the last pass.
     pub(crate) fn positions_changed(&mut self) {
         self.fresh = false;

@@ -287,6 +287,7 @@ impl SelfContact {
                 slack,
                 &is_ignored,
             );
+            metrics.count("pairs_near", repulsions.near(self.surface.nodes()));
         }
         let ranks = self.surface.ranks();
         metrics.count_once(ranks, "collision_steps", 1);
