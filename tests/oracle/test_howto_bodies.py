@@ -407,9 +407,11 @@ def test_legs_and_shirt_stay_apart_and_outside_the_body(trousers, report_figure)
 # ---- closures
 
 
-def test_a_zip_opens_from_the_top_and_the_button_holds_longer(run_howto, report_figure):
-    """Gaps between the two edges, from the hem up."""
-    run = run_howto(f"{HOWTO}/closures.toml", resolution=12)
+@pytest.mark.parametrize(("integrator", "least_gap"), [("semi_implicit", 5e-3), ("auto", 1.5e-3)])
+def test_a_zip_opens_from_the_top_and_the_button_holds_longer(integrator, least_gap, run_howto, report_figure):
+    """Gaps between the two edges, from the hem up. Of the six upper pairs at frame 48 the lowest is 1.8 mm apart with 64 long steps a frame, and
+    14 mm with short steps at their default, of which the error is larger here."""
+    run = run_howto(f"{HOWTO}/closures.toml", resolution=12, **{"solver.integrator": integrator})
     sides = {garment: run.positions(garment) for garment in ("left", "right")}
     # Edges that face each other at the start of the shot, by height.
     start = {garment: x[0] for garment, x in sides.items()}
@@ -419,12 +421,11 @@ def test_a_zip_opens_from_the_top_and_the_button_holds_longer(run_howto, report_
         edges[garment] = near[np.argsort(x[near, 1], kind="stable")]
     gaps = {frame: np.linalg.norm(sides["left"][place][edges["left"]] - sides["right"][place][edges["right"]], axis=1)
             for place, frame in enumerate(run.numbers("left"))}  # fmt: skip
-    # Frame 48 is two thirds of the way; the uppermost pair is no part of the zip. Closed pairs are a thickness apart. The lowest of the upper
-    # pairs is 1.8 mm apart with 64 long steps a frame, and 14 mm with short steps at their default, of which the error is larger here.
+    # Frame 48 is two thirds of the way; the uppermost pair is no part of the zip. Closed pairs are a thickness apart.
     lower, upper = gaps[48][:4], gaps[48][6:12]
     report_figure(f"gaps at frame 48: below {1e3 * lower.max():.1f} mm, above {1e3 * upper.max():.1f} mm")
     assert gaps[0][:12].max() < 1e-3 and gaps[24][:12].max() < 1e-3
-    assert lower.max() < 1e-3 and np.all(np.diff(gaps[48][4:12]) > 0) and upper.min() > 1.5e-3
+    assert lower.max() < 1e-3 and np.all(np.diff(gaps[48][4:12]) > 0) and upper.min() > least_gap
     assert gaps[72][0] < 1e-3 and gaps[72][1:12].min() > 0.03
     assert gaps[96][:12].min() > 0.1
 

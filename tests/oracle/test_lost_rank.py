@@ -60,7 +60,9 @@ def wait_until(holds, what):
 def await_heartbeats(job, out, frame):
     """Waits for a frame, and for the connections of the heartbeats: only after them is a lost rank noticed."""
     await_frame(job, out, frame)
-    wait_until(lambda: any("heartbeats with all ranks" in log.read_text() for log in (out / "logs").glob("*.log")), "no heartbeats")
+    while not any("heartbeats with all ranks" in log.read_text() for log in (out / "logs").glob("*.log")):
+        assert job.poll() is None, f"ended with {job.returncode} before the heartbeats were connected"
+        time.sleep(0.02)
 
 
 def test_a_cut_link_ends_both_sides_within_seconds_and_one_machine_goes_on(whole, make_machines, tmp_path, report_figure):
