@@ -316,6 +316,9 @@ impl TriangleMesh {
                 }));
             }
         }
+        built.edges.shrink_to_fit();
+        built.hinges.shrink_to_fit();
+        built.edge_areas.shrink_to_fit();
         built
     }
 

@@ -1,8 +1,8 @@
 //! Change of the integrator between frames, in scenes that leave it to the solver
 //! (`docs/theory/tr_bdf2.md#a-change-within-the-shot`).
 //!
-//! The integrator that is not present is tried for one frame: where the present one costs more than the other is known to cost, and
-//! after some time in any case. It stays if its frame costs less. Costs follow from counts, never from the clock, so that every run
+//! The integrator that is not present is tried for a frame, or for two: where the present one costs more than the other is known to cost,
+//! and after some time in any case. It stays if its frame costs less. Costs follow from counts, never from the clock, so that every run
 //! changes at the same frames.
 
 use std::sync::Arc;
@@ -16,13 +16,16 @@ use crate::snapshot::rows::TargetNumbers;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::snapshot::{SnapshotError, SnapshotSource};
 
-const SECTION: SectionId = SectionId { name: "integrator", version: 2 };
+const SECTION: SectionId = SectionId { name: "integrator", version: 3 };
 
 /// Cost of a frame over the cost of one with the other integrator above which a frame is dear.
 const DEAR: f64 = 1.25;
 
 /// Frames in a row that have to be dear.
 const FRAMES: usize = 2;
+
+/// Frames of a trial at most. The first one behind a change is dearer than later ones, so that one that is not dear is not the last.
+const TRIAL: u64 = 2;
 
 /// Names of the costs of the last frames in a snapshot.
 const RECENT: [&str; FRAMES] = ["recent_0", "recent_1"];
@@ -46,8 +49,8 @@ pub(super) struct IntegratorChange {
     frames: u64,
     /// Frames with each of [`Integrator::ALL`] after which the other one is tried.
     waits: [u64; 2],
-    /// Whether the present integrator is tried.
-    is_trial: bool,
+    /// Frames that the present integrator is still tried for at most; zero where it is not tried.
+    trial: u64,
 }
 
 impl IntegratorChange {
@@ -64,7 +67,7 @@ impl IntegratorChange {
             recent: [0.0; FRAMES],
             frames: 0,
             waits: first_waits,
-            is_trial: false,
+            trial: 0,
         })
     }
 
@@ -81,20 +84,25 @@ impl IntegratorChange {
         self.frames = self.frames.saturating_add(1);
         let other = other_than(present);
         let [here, there] = [present as usize, other as usize];
-        if std::mem::take(&mut self.is_trial) {
-            self.costs[here] = cost;
+        let is_dear = |cost: f64| cost > DEAR * self.costs[there];
+        if self.trial > 0 {
             let is_in_vain = cost >= self.costs[there];
+            self.trial -= 1;
+            if is_in_vain && !is_dear(cost) && self.trial > 0 {
+                return None;
+            }
+            self.costs[here] = cost;
             self.waits[there] = if is_in_vain { self.waits[there].saturating_mul(2) } else { self.first_waits[there] };
-            self.frames = 0;
+            (self.trial, self.frames) = (0, 0);
             return is_in_vain.then(|| self.leave(other));
         }
         let seen = (self.frames as usize).min(FRAMES);
-        let is_dear = seen == FRAMES && self.recent.iter().all(|cost| *cost > DEAR * self.costs[there]);
-        if !is_dear && self.frames < self.waits[here] {
+        let are_dear = seen == FRAMES && self.recent.iter().all(|cost| is_dear(*cost));
+        if !are_dear && self.frames < self.waits[here] {
             return None;
         }
         self.costs[here] = self.recent[..seen].iter().sum::<f64>() / seen as f64;
-        self.is_trial = true;
+        self.trial = TRIAL;
         Some(self.leave(other))
     }
 
@@ -108,7 +116,7 @@ impl IntegratorChange {
     fn stay_with(&mut self, present: Integrator) {
         self.costs[other_than(present) as usize] = f64::MAX;
         self.waits[present as usize] = u64::MAX;
-        self.is_trial = false;
+        self.trial = 0;
     }
 
     /// Section with all that a snapshot needs of it.
@@ -120,7 +128,7 @@ impl IntegratorChange {
             .with("frames", Field::single(self.frames))
             .with("wait_short", Field::single(self.waits[0]))
             .with("wait_long", Field::single(self.waits[1]))
-            .with("is_trial", Field::single(u64::from(self.is_trial)));
+            .with("trial", Field::single(self.trial));
         let recent = RECENT.into_iter().zip(self.recent);
         let section = recent.fold(section, |section, (name, cost)| section.with(name, Field::single(cost)));
         let counts = COUNTS.into_iter().zip(self.under_way);
@@ -133,7 +141,7 @@ impl IntegratorChange {
         self.under_way = COUNTS.map(|name| section.single(name));
         self.frames = section.single("frames");
         self.waits = [section.single("wait_short"), section.single("wait_long")];
-        self.is_trial = section.single::<u64>("is_trial") > 0;
+        self.trial = section.single("trial");
         self.recent = RECENT.map(|name| section.single(name));
         Integrator::ALL[usize::from(section.single::<u64>("is_implicit") > 0)]
     }
@@ -220,7 +228,7 @@ mod tests {
             recent: [0.0; FRAMES],
             frames: 0,
             waits: [4, 16],
-            is_trial: false,
+            trial: 0,
         }
     }
 
@@ -243,10 +251,22 @@ mod tests {
     #[test]
     fn a_trial_that_costs_less_stays_and_one_that_costs_more_ends_after_its_frame() {
         // Short steps are tried after 16 frames, in vain, and then after 32; they cost less there.
-        let costs = [[1.0; 16].as_slice(), &[3.0], &[1.0; 32], &[0.5], &[0.5; 4], &[0.6], &[0.5]].concat();
+        let costs = [[1.0; 16].as_slice(), &[3.0], &[1.0; 32], &[0.5], &[0.5; 4], &[0.7], &[0.5]].concat();
         let found = course(&mut change(), LONG, &costs);
         let expected = [[LONG; 16].as_slice(), &[SHORT], &[LONG; 32], &[SHORT], &[SHORT; 4], &[LONG], &[SHORT]];
         assert_eq!(found, expected.concat());
+    }
+
+    #[test]
+    fn a_trial_that_is_hardly_dearer_goes_on_for_a_second_frame_which_decides() {
+        // Long steps are tried after four frames. At 1.2 times the cost of short ones they have a second frame, at 1.3 times they have not.
+        for (trial, expected) in [([1.2, 0.9], [LONG, LONG]), ([1.2, 1.1], [LONG, SHORT]), ([1.3, 0.9], [SHORT, SHORT])]
+        {
+            let costs = [[1.0; 4].as_slice(), &trial, &[1.0]].concat();
+            let found = course(&mut change(), SHORT, &costs);
+            let start = [SHORT, SHORT, SHORT, SHORT, LONG];
+            assert_eq!(found, [start.as_slice(), &expected].concat(), "{trial:?}");
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::state::State;
 
 /// Version of the choice and of the [change](super::integrator_change) between frames: raised whenever a shot that leaves the integrator to
 /// the solver takes another one in some frame.
-pub(crate) const CHOICE_VERSION: u32 = 1;
+pub(crate) const CHOICE_VERSION: u32 = 2;
 
 /// Gives a scene the integrator that is expected to take less time, among those that read everything the scene says. Sizes and stiffness
 /// decide, never the clock. It may [change](super::integrator_change) between frames. A scene that names its integrator keeps it. All ranks

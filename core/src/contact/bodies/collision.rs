@@ -30,7 +30,7 @@ use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 
-use marks::{CHUNK, Marks, bit, constrained, marked};
+use marks::{CHUNK, Marks, bit, constrained};
 use pinch::Pinch;
 use rules::BodyRules;
 
@@ -89,7 +89,8 @@ struct Counts {
 /// The effect: contact state of the rank's own vertices.
 #[derive(Debug)]
 pub struct BodyCollision {
-    contacts: Vec<VertexContact>,
+    /// Contacts of each chunk of vertices, none where no body is near any of them.
+    contacts: Vec<Vec<VertexContact>>,
     /// Marks on the contacts that hold something.
     marks: Vec<Marks>,
     /// Surface bodies of each vertex, vertex by vertex.
@@ -142,7 +143,7 @@ impl BodyCollision {
             surfaces += usize::from(deforming);
         }
         Self {
-            contacts: vec![VertexContact::default(); vertices],
+            contacts: vec![Vec::new(); vertices.div_ceil(CHUNK)],
             marks: vec![Marks::default(); vertices.div_ceil(CHUNK)],
             memory: vec![
                 ClosestCache { clearance: 0.0, hint: u32::MAX, around: Neighbourhood::NONE };
@@ -161,10 +162,22 @@ impl BodyCollision {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<ClosestCache>())
-            + self.marks.len() * size_of::<Marks>()
+        let contacts: usize = self.contacts.iter().map(Vec::capacity).sum();
+        contacts * size_of::<VertexContact>()
+            + self.held.len() * (1 + self.surfaces * size_of::<ClosestCache>())
+            + self.marks.len() * (size_of::<Marks>() + size_of::<Vec<VertexContact>>())
             + size_of_val(self.painted.as_slice())
             + self.rules.as_ref().map_or(0, BodyRules::bytes)
+    }
+
+    /// Contact of an own vertex near a body, counted from the first.
+    fn at_vertex(&self, vertex: usize) -> &VertexContact {
+        &self.contacts[vertex / CHUNK][vertex % CHUNK]
+    }
+
+    /// Own vertices that are constrained or pinched, counted from the first, ascending.
+    fn constrained_vertices(&self) -> impl Iterator<Item = usize> + '_ {
+        constrained(&self.marks, 0..self.held.len())
     }
 
     /// Tells which own vertices, by their local numbers, are held in all directions during this step.
@@ -185,13 +198,14 @@ impl BodyCollision {
 
     /// The own vertices, by their local numbers, that surfaces pinch at the end of the step, ascending.
     pub(crate) fn pinched_now(&self) -> impl Iterator<Item = usize> + '_ {
-        let vertices = constrained(&self.marks, 0..self.contacts.len());
-        vertices.filter(|vertex| self.contacts[*vertex].pinching.is_some()).map(|vertex| self.first + vertex)
+        let pinched = self.constrained_vertices().filter(|vertex| self.at_vertex(*vertex).pinching.is_some());
+        pinched.map(|vertex| self.first + vertex)
     }
 
     /// Whether surfaces pinch an own vertex, by its local number.
     pub(crate) fn is_pinched(&self, vertex: usize) -> bool {
-        self.contacts[vertex - self.first].pinching.is_some()
+        let own = vertex - self.first;
+        self.is_constrained(vertex..vertex + 1) && self.at_vertex(own).pinching.is_some()
     }
 
     /// Own vertices that bodies pinched in the last step.
@@ -227,11 +241,10 @@ impl BodyCollision {
         let (slots, painted, rules) = (&self.memory_slot, self.painted.as_slice(), self.rules.as_ref());
         let (search, surfaces) = (self.search, self.surfaces);
         let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
-        let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
+        let contacts = self.contacts.par_iter_mut().zip(&mut self.marks);
         let chunks = chunks.zip(contacts).zip(self.held.par_chunks(CHUNK)).enumerate();
         let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [ClosestCache]| {
             let mut counts = Counts::default();
-            marked(marks.near | marks.constrained).for_each(|i| contacts[i] = VertexContact::default());
             *marks = Marks::default();
             for i in 0..x1.len() {
                 let vertex = c * CHUNK + i;
@@ -246,10 +259,17 @@ impl BodyCollision {
                     if search.is_far_from_all(&step.x[vertex], &x1[i]) {
                         search.remember(&step.x[vertex], &x1[i]);
                     } else {
-                        search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contacts[i]);
-                        marks.note(i, &contacts[i]);
+                        let mut contact = VertexContact::default();
+                        search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contact);
+                        if marks.note(i, &contact) {
+                            contacts.resize(x1.len(), VertexContact::default());
+                            contacts[i] = contact;
+                        }
                     }
                 }
+            }
+            if marks.are_none() {
+                *contacts = Vec::new();
             }
             counts
         };
@@ -273,7 +293,7 @@ impl BodyCollision {
         let start = start - self.first;
         for vertex in constrained(&self.marks, start..start + v.len()) {
             let v = &mut v[vertex - start];
-            for (normal, target) in self.contacts[vertex].constraints() {
+            for (normal, target) in self.at_vertex(vertex).constraints() {
                 *v += normal * (target - v.dot(&normal));
             }
         }
@@ -284,7 +304,7 @@ impl BodyCollision {
         let start = start - self.first;
         for vertex in constrained(&self.marks, start..start + r.len()) {
             let r = &mut r[vertex - start];
-            for (normal, _) in self.contacts[vertex].orthogonal_constraints() {
+            for (normal, _) in self.at_vertex(vertex).orthogonal_constraints() {
                 *r -= normal * r.dot(&normal);
             }
         }
@@ -298,7 +318,7 @@ impl BodyCollision {
 }
 
 /// Number of a chunk; its positions, velocities, contacts with marks, and which of its vertices are held.
-type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), (&'a mut [VertexContact], &'a mut Marks)), &'a [bool]));
+type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), (&'a mut Vec<VertexContact>, &'a mut Marks)), &'a [bool]));
 
 impl Counts {
     fn plus(self, other: Self) -> Self {
@@ -313,10 +333,12 @@ impl Counts {
 }
 
 impl Marks {
-    fn note(&mut self, i: usize, contact: &VertexContact) {
+    /// Marks the contact of vertex i of the chunk. Returns whether it holds something.
+    fn note(&mut self, i: usize, contact: &VertexContact) -> bool {
         self.near |= if contact.holds[0].is_some() { bit(i) } else { 0 };
         let is_constrained = contact.pinching.is_some() || contact.constraints().next().is_some();
         self.constrained |= if is_constrained { bit(i) } else { 0 };
+        contact.holds[0].is_some() || is_constrained
     }
 }
 

@@ -190,7 +190,7 @@ impl PairSearch {
     ) {
         let pieces = self.pieces_of_pairs(surface, keep, &Vec::shrink_to_fit);
         found.clear();
-        found.extend(pieces.into_iter().flatten());
+        add_pieces(pieces, found);
     }
 
     /// The same in pieces, for lists that are too long to be in memory twice; `finish` ends each.
@@ -282,6 +282,12 @@ impl PairSearch {
             }
         }
     }
+}
+
+/// Adds pieces one by one, such that they are not in memory twice.
+pub(super) fn add_pieces<T>(pieces: Vec<Vec<T>>, found: &mut Vec<T>) {
+    found.reserve_exact(pieces.iter().map(Vec::len).sum());
+    pieces.into_iter().for_each(|piece| found.extend(piece));
 }
 
 impl Side<'_> {

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
+use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS, add_pieces};
 use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
@@ -190,7 +190,7 @@ impl PairSearch {
             }
         }
         let pieces: Vec<Vec<Pair>> = tasks.par_iter().map(|(search, task)| work(*search, task)).collect();
-        found.extend(pieces.into_iter().flatten());
+        add_pieces(pieces, found);
     }
 }
 

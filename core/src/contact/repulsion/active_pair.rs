@@ -10,17 +10,21 @@ use crate::contact::topology::pair::{Pair, PairKind};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OrientedPair {
     pub(super) pair: Pair,
-    pub(super) thickness: f64,
-    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
-    /// from the second to the first.
-    pub(super) side: Vec3,
-    /// Distance at the collision-free state [m].
+    /// Thickness of the pair [m].
+    pub(super) thickness: f32,
+    /// Distance at the collision-free state [m]; negative for a point behind its triangle.
     pub(super) start_distance: f64,
     /// Unit direction from the closest point of the second primitive to that of the first at that state.
     pub(super) axis: Vec3,
 }
 
 impl OrientedPair {
+    /// Thickness of the pair [m].
+    #[inline]
+    pub(super) fn thickness(&self) -> f64 {
+        self.thickness.into()
+    }
+
     /// Square of the largest difference between values of two nodes, one of each side.
     #[inline]
     pub(super) fn largest_difference_squared(&self, of_nodes: &[Vec3]) -> f64 {
@@ -36,7 +40,7 @@ impl OrientedPair {
     /// separated the two primitives, so that they are at least as far apart along it as their nodes are.
     #[inline]
     pub(super) fn distance_bound(&self, displacements: &[Vec3]) -> f64 {
-        (1.0 - DISTANCE_ROUNDING) * self.start_distance - self.largest_approach(displacements)
+        (1.0 - DISTANCE_ROUNDING) * self.start_distance.abs() - self.largest_approach(displacements)
     }
 
     /// Largest approach along the axis between values of two nodes, one of each side; negative where all move apart.
@@ -54,7 +58,7 @@ impl OrientedPair {
     /// two points, one of each side, changes by at most the largest difference of displacements between the sides.
     #[inline]
     pub(super) fn is_beyond(&self, displacements: &[Vec3], reach: f64) -> bool {
-        let room = (1.0 - DISTANCE_ROUNDING) * self.start_distance - reach;
+        let room = (1.0 - DISTANCE_ROUNDING) * self.start_distance.abs() - reach;
         room > 0.0 && self.largest_difference_squared(displacements) < room * room
     }
 }

@@ -391,12 +391,11 @@ fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<Oriente
     if along.abs() < TRUSTED_SIDE * distance {
         return None;
     }
-    let side = match pair.kind {
-        PairKind::PointTriangle => Vec3::x() * along.signum(),
-        PairKind::EdgeEdge => apart / distance,
+    let start_distance = match pair.kind {
+        PairKind::PointTriangle => distance.copysign(along),
+        PairKind::EdgeEdge => distance,
     };
-    let (thickness, axis) = (f64::from(neighbour.thickness), apart / distance);
-    Some(OrientedPair { pair, thickness, side, start_distance: distance, axis })
+    Some(OrientedPair { pair, thickness: neighbour.thickness, start_distance, axis: apart / distance })
 }
 
 impl OrientedPair {
@@ -415,7 +414,7 @@ impl OrientedPair {
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
     fn active(&self, laws: &Laws, step: &RepulsionStep<'_>) -> Option<ActivePair> {
-        let reach = ACTIVE * self.thickness;
+        let reach = ACTIVE * self.thickness();
         // A bound that costs less than the distance: along the line of the closest points at A.
         if self.pair.distance_along(&self.pair.positions(step.x), &self.axis) > CERTAINLY_APART * reach {
             return None;
@@ -430,7 +429,7 @@ impl OrientedPair {
         for (own, w) in [a, b, c, d].into_iter().zip(weights) {
             response += w * w * if own > 0.0 { own } else { free };
         }
-        let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
+        let (thickness, mean_mobility) = (self.thickness(), 0.25 * sum);
         let friction = step.friction.of(laws.friction, nodes, weights);
         (response > 0.0).then_some(ActivePair {
             nodes,
@@ -450,7 +449,7 @@ impl OrientedPair {
         let across = ab.cross(&ac);
         let area = across.norm_squared();
         let height = ap.dot(&across);
-        let side = self.side.x;
+        let side = self.start_distance.signum();
         let reach = reaches[usize::from(height * side < 0.0)];
         if height * height > reach * reach * area || area <= NO_DIRECTION {
             return None;
@@ -472,8 +471,8 @@ impl OrientedPair {
             return None;
         }
         let distance = squared.sqrt();
-        let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
-        if normal.dot(&self.side) < laws.edge_attraction {
+        let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.axis };
+        if normal.dot(&self.axis) < laws.edge_attraction {
             return (squared <= after * after).then_some((found.weights, -normal, -distance));
         }
         (squared <= before * before).then_some((found.weights, normal, distance))

@@ -292,7 +292,7 @@ impl OrientedPair {
             count += 1.0;
         }
         let edge: f64 = edges / count;
-        PRESSURE * AREA * edge * edge / self.thickness
+        PRESSURE * AREA * edge * edge / self.thickness()
     }
 
     /// Upper bound on the damping time of the pair [s], wherever its two are closest; infinite where nodes are held. A pair that something
@@ -309,7 +309,7 @@ impl OrientedPair {
 
     /// Least y of a pair in touch [m], exclusive: in a guess, below zero for one that was pressed.
     fn least_overlap(&self, at: &PairStage<'_>) -> f64 {
-        if at.is_guess { -KEPT_APART * self.thickness } else { 0.0 }
+        if at.is_guess { -KEPT_APART * self.thickness() } else { 0.0 }
     }
 
     /// Whether the pair cannot be in touch, wherever its two are closest, with a damping time of at most `damping_time` [s]: most are too far
@@ -322,11 +322,11 @@ impl OrientedPair {
     #[inline]
     fn is_out_of_touch(&self, at: &PairStage<'_>, damping_time: f64) -> bool {
         let distance = self.distance_bound(at.displacements);
-        let reach = self.thickness - self.least_overlap(at);
+        let reach = self.thickness() - self.least_overlap(at);
         if distance <= reach {
             return false;
         }
-        if distance > LOOK_AHEAD * self.thickness {
+        if distance > LOOK_AHEAD * self.thickness() {
             return true;
         }
         let damping_time = damping_time * self.damped_share(distance).min(1.0);
@@ -356,7 +356,7 @@ impl OrientedPair {
 
     /// Share of the damping time that is left at a distance [m]: above 1 within the thickness, 0 where pairs are no longer looked for.
     fn damped_share(&self, distance: f64) -> f64 {
-        (LOOK_AHEAD - distance / self.thickness) / (LOOK_AHEAD - 1.0)
+        (LOOK_AHEAD - distance / self.thickness()) / (LOOK_AHEAD - 1.0)
     }
 
     /// Damping time at a distance [m] of a pair that has `whole` in touch [s], and minus the derivative of y by the distance where the sides
@@ -366,13 +366,13 @@ impl OrientedPair {
         if share >= 1.0 {
             return (whole, 1.0);
         }
-        (whole * share, 1.0 + whole * (-speed).max(0.0) / ((LOOK_AHEAD - 1.0) * self.thickness))
+        (whole * share, 1.0 + whole * (-speed).max(0.0) / ((LOOK_AHEAD - 1.0) * self.thickness()))
     }
 
     /// Force of the pair, if it is in touch, or about to be, and nothing pulls it.
     fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
         // A pair that has passed through has moved farther than one that is still in front.
-        let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness);
+        let reaches = [LOOK_AHEAD, LOOK_BEHIND].map(|reach| reach * self.thickness());
         let (weights, normal, distance) = self.touch(laws, at.x, reaches)?;
         // A normal that turns round without that says nothing of sides.
         let has_passed = || !self.is_beyond(at.displacements, 0.0);
@@ -393,13 +393,13 @@ impl OrientedPair {
         }
         let pressing_force = at.unrepelled.pressing_force(nodes, weights, &normal);
         let body = surface.body_of(&nodes);
-        let spring = PairSpring::new(self.linear_stiffness(at), self.thickness, body.is_some());
+        let spring = PairSpring::new(self.linear_stiffness(at), self.thickness(), body.is_some());
         let mut spring = spring.pressed_by(pressing_force);
         let damped = mollifier.max(SOFTEST_EDGES) * spring.linear;
         spring.linear *= mollifier;
         let approach = velocity.dot(&normal);
         let (damping_time, steepness) = self.damping(PAIR_DAMPING / (damped * response).sqrt(), distance, approach);
-        let y = self.thickness - distance - damping_time * approach;
+        let y = self.thickness() - distance - damping_time * approach;
         if y <= self.least_overlap(at) {
             return None;
         }
@@ -424,7 +424,7 @@ impl OrientedPair {
             weights,
             normal,
             distance,
-            thickness: self.thickness,
+            thickness: self.thickness(),
             force,
             push,
             history,

@@ -141,7 +141,10 @@ impl<T: Ord + Copy> Carried<T> {
         let mut starts = vec![0; triangles + 1];
         all.iter().for_each(|(_, t)| starts[*t as usize + 1] += 1);
         (0..triangles).for_each(|t| starts[t + 1] += starts[t]);
-        Self { items: all.into_iter().map(|(thing, _)| thing).collect(), starts }
+        let mut items: Vec<T> = all.into_iter().map(|(thing, _)| thing).collect();
+        // They are collected in the memory of `all`.
+        items.shrink_to_fit();
+        Self { items, starts }
     }
 
     #[inline]

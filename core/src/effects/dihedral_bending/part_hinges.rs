@@ -294,7 +294,14 @@ impl PartHinges {
         let mut places: Vec<(u32, u32)> = numbers.iter().copied().zip(0..).collect();
         places.sort_unstable();
         let place_of = |number: u32| places[places.partition_point(|(other, _)| *other < number)].1;
-        let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], ..Self::default() };
+        let mut part = Self {
+            range: range.clone(),
+            stiffness: vec![0.0; range.len()],
+            hinges: Vec::with_capacity(numbers.len()),
+            moments: Vec::with_capacity(own.len()),
+            damping: Vec::with_capacity(own.len()),
+            ..Self::default()
+        };
         let mesh = scene.meshes()[scene.parts().garment_of(range.start)].rest_positions();
         let shape = |number: u32| Shape::at(elements[number as usize].vertices.map(|v| mesh[v as usize]));
         let gradient =

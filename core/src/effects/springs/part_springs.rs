@@ -96,7 +96,18 @@ pub(in crate::effects) fn build(scene: &Scene, garment: usize, network: &SpringN
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let range = parts.ranges()[group[0].0].clone();
         let (inner, border) = group.split_at(group.partition_point(|(_, across, _)| !across));
-        let mut springs = PartSprings { start: range.start, measures_strain, curve, ..PartSprings::default() };
+        let numbers = || Vec::with_capacity(group.len());
+        let mut springs = PartSprings {
+            start: range.start,
+            inner: Vec::with_capacity(inner.len()),
+            border: Vec::with_capacity(border.len()),
+            stiffness: numbers(),
+            rest_length: numbers(),
+            damping: numbers(),
+            measures_strain,
+            curve,
+            ..PartSprings::default()
+        };
         let mut add = |own: usize, other: usize, number: usize| {
             let element = &elements[number];
             let k = stiffnesses[number];

@@ -47,6 +47,7 @@ impl<'a> Builder<'a> {
         } else {
             self.split_into(0, all, 0);
         }
+        self.pairs.shrink_to_fit();
         Bvh { pairs: self.pairs, primitives: self.primitives }
     }
 

@@ -154,6 +154,7 @@ impl PartAggregates {
             }
             is_same
         });
+        couplings.shrink_to_fit();
         couplings
     }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::marks::{CHUNK, constrained};
+use super::marks::CHUNK;
 use super::{BodyCollision, CACHED, CollisionStep, Counts, LastContact, QueryCache, SEARCH_EDGES, Search};
 use crate::Vec3;
 use crate::contact::bodies::active_set::ActiveContact;
@@ -52,10 +52,10 @@ impl BodyCollision {
     /// B.4 has left own vertices, in a step of `dt` [s].
     pub(crate) fn met(&self, v: &[Vec3], dt: f64) -> Vec<ActiveContact> {
         let of_vertex = |vertex: usize| {
-            if let Some(pinch) = self.contacts[vertex].pinching {
+            if let Some(pinch) = self.at_vertex(vertex).pinching {
                 return pinch.drag.map(|velocity| ActiveContact::dragged(self.first + vertex, velocity));
             }
-            let mut holds = self.contacts[vertex].holds.iter().flatten().filter(|hold| hold.constraint.is_some());
+            let mut holds = self.at_vertex(vertex).holds.iter().flatten().filter(|hold| hold.constraint.is_some());
             let first = holds.next()?;
             let motion = [first.at.displacement, first.at.velocity];
             let relative = v[vertex] - first.at.velocity;
@@ -63,7 +63,7 @@ impl BodyCollision {
             let contact = ActiveContact::new(self.first + vertex, motion, first.friction, slip, dt);
             Some(holds.fold(contact.with_normal(first.at.normal), |contact, hold| contact.with_normal(hold.at.normal)))
         };
-        constrained(&self.marks, 0..self.contacts.len()).filter_map(of_vertex).collect()
+        self.constrained_vertices().filter_map(of_vertex).collect()
     }
 }
 

@@ -18,7 +18,7 @@ impl BodyCollision {
         concerns: &(impl Fn(usize) -> bool + Sync),
         (x, v): (&[Vec3], &mut [Vec3]),
     ) {
-        let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks).enumerate();
+        let chunks = v.par_chunks_mut(CHUNK).zip(&self.contacts).zip(&self.marks).enumerate();
         chunks.for_each(|(c, ((v, contacts), marks))| {
             for i in marked(marks.near).filter(|i| concerns(c * CHUNK + i)) {
                 let (x, v) = (&x[c * CHUNK + i], &mut v[i]);

@@ -14,6 +14,13 @@ pub(super) struct Marks {
     pub(super) constrained: u128,
 }
 
+impl Marks {
+    /// Whether no vertex is marked.
+    pub(super) fn are_none(&self) -> bool {
+        self.near | self.constrained == 0
+    }
+}
+
 /// The place of a chunk's vertex in its marks.
 pub(super) fn bit(i: usize) -> u128 {
     1 << i

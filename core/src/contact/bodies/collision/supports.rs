@@ -9,7 +9,7 @@ use crate::contact::bodies::constraints::{BodyConstraint, BodyConstraints};
 impl BodyCollision {
     /// Finds the bodies that own vertices lie on after B.4, one entry for each; `dt` is the length of the step [s].
     pub(crate) fn supports(&self, dt: f64, all: &mut [BodyConstraints]) {
-        let chunks = all.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
+        let chunks = all.par_chunks_mut(CHUNK).zip(&self.contacts).zip(&self.marks);
         chunks.for_each(|((all, contacts), marks)| {
             all.fill(BodyConstraints::default());
             for i in marked(marks.near) {

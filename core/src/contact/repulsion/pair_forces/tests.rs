@@ -35,12 +35,12 @@ impl CloseTriangles {
         let pair = Pair { kind, nodes: nodes.map(|node| node as u32) };
         let up = Vec3::y();
         let at = pair.positions(&x);
-        let side = match kind {
-            PairKind::PointTriangle => Vec3::x() * (at[2] - at[1]).cross(&(at[3] - at[1])).dot(&up).signum(),
-            PairKind::EdgeEdge => up,
+        let in_front = match kind {
+            PairKind::PointTriangle => (at[2] - at[1]).cross(&(at[3] - at[1])).dot(&up),
+            PairKind::EdgeEdge => 1.0,
         };
-        let start_distance = pair.closest(&at).apart.norm();
-        let pair = OrientedPair { pair, thickness: THICKNESS, side, start_distance, axis: up };
+        let start_distance = pair.closest(&at).apart.norm().copysign(in_front);
+        let pair = OrientedPair { pair, thickness: THICKNESS as f32, start_distance, axis: up };
         let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
         x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
         Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility, unrepelled: UnrepelledMotion::default() }
@@ -290,7 +290,7 @@ fn displacements_prove_only_what_is_so() {
             let displacements: Vec<Vec3> = x.iter().map(|_| random.vector() * 0.01).collect();
             let moved: Vec<Vec3> = x.iter().zip(&displacements).map(|(x, displacement)| x + displacement).collect();
             let distance = touching.pair.pair.closest(&touching.pair.pair.positions(&moved)).apart.norm();
-            for reach in [0.1 * touching.pair.start_distance, 0.9 * touching.pair.start_distance] {
+            for reach in [0.1 * touching.pair.start_distance.abs(), 0.9 * touching.pair.start_distance.abs()] {
                 let is_beyond = touching.pair.is_beyond(&displacements, reach);
                 assert!(!is_beyond || distance > reach, "{kind:?}: {distance} m, not beyond {reach} m");
                 proven += u32::from(is_beyond);
@@ -301,15 +301,15 @@ fn displacements_prove_only_what_is_so() {
         for (one, other) in (0..first).flat_map(|one| (first..4).map(move |other| (one, other))) {
             let mut displacements = [Vec3::zeros(); 6];
             for (node, side) in [(one, 1.0), (other, -1.0)] {
-                displacements[nodes[node] as usize] = Vec3::y() * (0.3 * side * touching.pair.start_distance);
+                displacements[nodes[node] as usize] = Vec3::y() * (0.3 * side * touching.pair.start_distance.abs());
             }
             assert!(
-                !touching.pair.is_beyond(&displacements, 0.5 * touching.pair.start_distance),
+                !touching.pair.is_beyond(&displacements, 0.5 * touching.pair.start_distance.abs()),
                 "{kind:?} {one} {other}"
             );
         }
         // What moves as one stays as far apart.
-        assert!(touching.pair.is_beyond(&[Vec3::x(); 6], 0.9 * touching.pair.start_distance), "{kind:?}");
+        assert!(touching.pair.is_beyond(&[Vec3::x(); 6], 0.9 * touching.pair.start_distance.abs()), "{kind:?}");
         assert!(proven > 100, "{kind:?}: {proven} of 4000 are proven");
     }
 }

@@ -61,14 +61,12 @@ impl Heap {
             let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
             for (pair, side) in self.pairs[kind as usize].iter().zip(&self.sides) {
                 if pair.iter().any(|node| own.contains(node)) {
-                    let side = if kind == PairKind::EdgeEdge { *side } else { Vec3::x() * side.x.signum() };
-                    of_kind.oriented.push(OrientedPair {
-                        pair: Pair { kind, nodes: pair.map(local) },
-                        thickness: 0.5,
-                        side,
-                        start_distance: 0.5,
-                        axis: Vec3::x(),
-                    });
+                    let (start_distance, axis) = match kind {
+                        PairKind::PointTriangle => (0.5_f64.copysign(side.x), Vec3::x()),
+                        PairKind::EdgeEdge => (0.5, *side),
+                    };
+                    let pair = Pair { kind, nodes: pair.map(local) };
+                    of_kind.oriented.push(OrientedPair { pair, thickness: 0.5, start_distance, axis });
                 }
             }
         }
