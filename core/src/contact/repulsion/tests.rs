@@ -15,7 +15,7 @@ pub(super) const LAWS: Laws = Laws { stiffness: 30.0, limit: 0.1, friction: 0.4,
 /// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
 const SLACK: f64 = 0.05;
 
-pub(super) const THICKNESS: f64 = 0.1;
+pub(super) const THICKNESS: f64 = 0.1_f32 as f64;
 
 /// Two triangles, `second` above the first, as one scene.
 fn two_triangles(second: [[f64; 3]; 3]) -> Scene {
