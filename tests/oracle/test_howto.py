@@ -592,9 +592,11 @@ def test_a_smaller_overpressure_yields_more_and_a_smaller_ambient_is_faster_and_
     pressure = cushion.garment("cushion")["pressure"]
     ambient, over = number(pressure["ambient"]), number(pressure["overpressure"])
     firm = run_howto(CUSHION, **{f"{PRESSURE}.overpressure": 4 * over})
-    slack = run_howto(CUSHION, **{f"{PRESSURE}.ambient": ambient / 5})
-    steps = [sum(record.get("steps", 0) for record in run.records.values()) for run in (slack, cushion)]
-    full = [volumes(run)[6] / volumes(run)[0] for run in (slack, cushion)]
+    # Gas limits the length of short steps alone.
+    short = {"solver.integrator": "semi_implicit"}
+    gases = [run_howto(CUSHION, **short, **{f"{PRESSURE}.ambient": outside}) for outside in (ambient / 5, ambient)]
+    steps = [sum(record.get("steps", 0) for record in run.records.values()) for run in gases]
+    full = [volumes(run)[6] / volumes(run)[0] for run in gases]
     report_figure(f"squashed to {squash(cushion):.2f}, at four times the pressure to {squash(firm):.2f}; a fifth of the ambient pressure "
                   f"takes {steps[0]} instead of {steps[1]} steps, and swells to {full[0]:.3f} instead of {full[1]:.3f}")  # fmt: skip
     assert squash(cushion) < squash(firm) - 0.01
