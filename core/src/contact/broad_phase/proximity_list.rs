@@ -178,36 +178,17 @@ impl ProximityList {
             Some(predicted) => surface.samples().centre(surface.nodes(), &predicted.ends).1 - centre.1,
             None => Vec3::zeros(),
         };
-        let shift = self.predicted_shift;
+        self.fit(surface, search, x, [reach, gap]);
         let is_predicted = self.predicted.is_some();
-        let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
-            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap;
-            Aabb::around_path([&x[i], ends.map_or(&x[i], |predicted| &predicted.ends[i])], &shift, reach)
-        };
-        let fetch = |renumber: &IndexMap, surface: &ContactSurface, all: &mut [&mut Vec<Vec3>]| {
-            for x in all {
-                renumber.apply(x, Vec3::zeros());
-                surface.nodes().update(x);
-            }
-        };
-        let mut predicted = self.predicted.as_mut();
-        search.refit(surface, |i| around(surface, x, predicted.as_deref(), i));
-        if let Some(renumber) = search.import_ghosts(surface) {
-            fetch(&renumber, surface, &mut [x]);
-            predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
-        }
-        search.refit_ghosts(surface, |i| around(surface, x, predicted.as_deref(), i));
         let measure = measures(surface, is_predicted);
-        let ends = predicted.as_deref().map(|predicted| predicted.ends.as_slice());
+        let ends = self.predicted.as_ref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
         let keep = |pair: Pair, out: &mut OfKinds| out[pair.kind as usize].extend(criterion.candidate(pair));
         let finish = |out: &mut OfKinds| out.iter_mut().for_each(Vec::shrink_to_fit);
         let mut pieces = search.pieces_of_pairs(surface, keep, &finish);
-        let [all_found] = surface.ranks().sum_of([pieces.iter().flatten().map(Vec::len).sum::<usize>() as u64]);
-        self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
+        self.density = per_vertex(surface, pieces.iter().flatten().map(Vec::len).sum::<usize>() as u64);
         if let Some(renumber) = replicate_pairs(surface, &mut pieces) {
-            fetch(&renumber, surface, &mut [x]);
-            predicted.iter_mut().for_each(|predicted| fetch(&renumber, surface, &mut [&mut predicted.ends]));
+            self.lay_out(&renumber, surface, x);
         }
         for piece in pieces {
             let of_kinds = self.lists.iter_mut().zip(piece);
@@ -220,6 +201,52 @@ impl ProximityList {
         let reference = self.reference.get_or_insert_default();
         reference.clear();
         reference.extend_from_slice(x);
+    }
+
+    /// Pairs per vertex of a list around `x` [m] with this reach, which is not made. All ranks call it together; `x` is laid out for the
+    /// ghosts that come.
+    pub(crate) fn density_with(
+        &mut self,
+        surface: &mut ContactSurface,
+        search: &mut PairSearch,
+        x: &mut Vec<Vec3>,
+        reach: f64,
+        gap: f64,
+    ) -> f64 {
+        self.fit(surface, search, x, [reach, gap]);
+        let measure = measures(surface, false);
+        let criterion = Criterion { surface, x, ends: None, measure: &measure, reach, gap };
+        let count = |pair: Pair, found: &mut u64| *found += u64::from(criterion.candidate(pair).is_some());
+        per_vertex(surface, search.pieces_of_pairs(surface, count, &|_| ()).iter().sum())
+    }
+
+    /// Fits the boxes of the search to the reach of the nodes around `x` [m], or around the predicted paths, and fetches the ghosts that
+    /// come near.
+    fn fit(
+        &mut self,
+        surface: &mut ContactSurface,
+        search: &mut PairSearch,
+        x: &mut Vec<Vec3>,
+        [reach, gap]: [f64; 2],
+    ) {
+        let (shift, is_predicted) = (self.predicted_shift, self.predicted.is_some());
+        let around = |surface: &ContactSurface, x: &[Vec3], ends: Option<&PredictedPaths>, i: usize| {
+            let reach = ACTIVE * surface.kept_distance(i) + reach * measure_of(surface, is_predicted, i) + gap;
+            Aabb::around_path([&x[i], ends.map_or(&x[i], |predicted| &predicted.ends[i])], &shift, reach)
+        };
+        search.refit(surface, |i| around(surface, x, self.predicted.as_ref(), i));
+        if let Some(renumber) = search.import_ghosts(surface) {
+            self.lay_out(&renumber, surface, x);
+        }
+        search.refit_ghosts(surface, |i| around(surface, x, self.predicted.as_ref(), i));
+    }
+
+    /// Lays positions out for other ghosts, and fetches those of the ghosts.
+    fn lay_out(&mut self, renumber: &IndexMap, surface: &ContactSurface, x: &mut Vec<Vec3>) {
+        for x in [Some(x), self.predicted.as_mut().map(|predicted| &mut predicted.ends)].into_iter().flatten() {
+            renumber.apply(x, Vec3::zeros());
+            surface.nodes().update(x);
+        }
     }
 
     /// Lays everything out for other ghosts.
@@ -394,6 +421,12 @@ impl Expected<'_> {
             None => self.common[at].apply(from),
         }
     }
+}
+
+/// Pairs of all ranks per vertex of cloth, of which this rank has `found`. All ranks call it together.
+fn per_vertex(surface: &ContactSurface, found: u64) -> f64 {
+    let [all_found] = surface.ranks().sum_of([found]);
+    all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1))
 }
 
 /// Pairs that a list takes.

@@ -8,7 +8,7 @@ use crate::scene::RepulsionPlace;
 
 /// Reach of a list that is to last where there is room, as a share of a node's edges. Below 0.35 no two primitives of flat
 /// cloth come within reach of each other.
-const LONG_SKIN: f64 = 0.33;
+pub(crate) const LONG_SKIN: f64 = 0.33;
 
 /// Shortest that a heap makes it.
 const SHORTEST_LASTING: f64 = LONG_SKIN / 8.0;
@@ -57,7 +57,7 @@ pub(crate) fn predicted_after(reach: f64, left: f64, least: f64) -> f64 {
 
 /// Reach of a list that is to last, after one of this reach with so many pairs per vertex. Between layers that lie on each other
 /// the number of pairs grows with the square of the reach, and in heaps faster.
-fn lasting(reach: f64, density: f64) -> f64 {
+pub(crate) fn lasting(reach: f64, density: f64) -> f64 {
     let crowded = reach * (CROWDED / density).sqrt();
     if density > 0.0 { crowded.clamp(SHORTEST_LASTING, LONG_SKIN) } else { LONG_SKIN }
 }

@@ -257,7 +257,10 @@ impl SelfContact {
         let displacement = per_step * f64::from(steps);
         self.gap = self.gap_now();
         self.skin_used = self.displacement_at_start();
-        let lasting = skin::lasting_after(&self.proximity, displacement);
+        let lasting = match self.proximity.full_skin() {
+            0.0 => Some(self.first_reach()),
+            _ => skin::lasting_after(&self.proximity, displacement),
+        };
         let duration = dt * f64::from(steps);
         if !self.list_serves(lasting, displacement, duration) {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
@@ -294,6 +297,13 @@ impl SelfContact {
         metrics.count_once(ranks, STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
         metrics.count_once(ranks, "collision_steps_shortened", u64::from(self.step_share() < 1.0));
         steps
+    }
+
+    /// Reach of the first list, which would be too long for the memory in a heap that it does not know.
+    fn first_reach(&mut self) -> f64 {
+        let Self { surface, search, proximity, paths, gap, .. } = self;
+        let density = proximity.density_with(surface, search, &mut paths.start, skin::LONG_SKIN, *gap);
+        skin::lasting(skin::LONG_SKIN, density)
     }
 
     /// Longest way of a node since the list was made, at the start of a collision step, as a share of its edges.
