@@ -58,7 +58,10 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
             proximity.update_displacements(&surface, [&x; 2].map(Vec::as_slice), [0.0; 2]).is_infinite(),
             "there is no list yet"
         );
+        let density = proximity.density_with(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
+        assert!(proximity.reference().is_none(), "pairs are only counted");
         proximity.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0, None);
+        assert_eq!(proximity.density(), density);
         let all = all_pairs(&surface);
         for round in 0..5 {
             // Everything turns and falls together, and a little apart, up to the reach.
