@@ -21,6 +21,9 @@ ROUNDING = 1e-6
 
 GRAVITY = 9.81
 
+# Parameters of a run whose integrator the solver does not choose.
+SHORT_STEPS = {"solver.integrator": "semi_implicit"}
+
 
 def page(name):
     """Text of a how-to page."""

@@ -15,7 +15,7 @@ import pytest
 
 from farm import BAD_SCENE, STOPPED, Shot, assert_same, manifest, reaches, results, stop
 from howto import (
-    GRAVITY, HOWTO, ROUNDING, SAMPLES, Run, accelerations, altered, fenced, folds, holds, masses, number, page, said, strains,
+    GRAVITY, HOWTO, ROUNDING, SAMPLES, SHORT_STEPS, Run, accelerations, altered, fenced, folds, holds, masses, number, page, said, strains,
     volume,
 )  # fmt: skip
 from judges import ROOT, official, z_up
@@ -73,8 +73,7 @@ FABRICS = ("silk_light", "denim_11oz", "leather_garment")
 @pytest.fixture(scope="module")
 def draped(run_howto):
     """The square over the ball, in the fabrics of the picture; with one integrator, so that nothing else differs."""
-    short = {"solver.integrator": "semi_implicit"}
-    return {fabric: run_howto(f"{HOWTO}/fabric.toml", resolution=24, fabric=fabric, **short) for fabric in FABRICS}
+    return {fabric: run_howto(f"{HOWTO}/fabric.toml", resolution=24, fabric=fabric, **SHORT_STEPS) for fabric in FABRICS}
 
 
 def test_silk_has_the_most_folds_and_leather_the_fewest(draped, report_figure):
@@ -593,8 +592,7 @@ def test_a_smaller_overpressure_yields_more_and_a_smaller_ambient_is_faster_and_
     ambient, over = number(pressure["ambient"]), number(pressure["overpressure"])
     firm = run_howto(CUSHION, **{f"{PRESSURE}.overpressure": 4 * over})
     # Gas limits the length of short steps alone.
-    short = {"solver.integrator": "semi_implicit"}
-    gases = [run_howto(CUSHION, **short, **{f"{PRESSURE}.ambient": outside}) for outside in (ambient / 5, ambient)]
+    gases = [run_howto(CUSHION, **SHORT_STEPS, **{f"{PRESSURE}.ambient": outside}) for outside in (ambient / 5, ambient)]
     steps = [sum(record.get("steps", 0) for record in run.records.values()) for run in gases]
     full = [volumes(run)[6] / volumes(run)[0] for run in gases]
     report_figure(f"squashed to {squash(cushion):.2f}, at four times the pressure to {squash(firm):.2f}; a fifth of the ambient pressure "

@@ -14,7 +14,7 @@ import pytest
 from body_depth import depths
 from farm import BAD_SCENE
 from howto import (
-    GRAVITY, HOWTO, ROUNDING, SAMPLES, Bound, Run, accelerations, area, fenced, frames_of, masses, normals, number, said,
+    GRAVITY, HOWTO, ROUNDING, SAMPLES, SHORT_STEPS, Bound, Run, accelerations, area, fenced, frames_of, masses, normals, number, said,
 )  # fmt: skip
 from judges import ROOT
 from test_self_contact import assert_no_crossing
@@ -39,7 +39,7 @@ def assert_outside(run, garments, report_figure):
 @pytest.fixture(scope="module")
 def belt(run_howto):
     """With short steps, which keep the momentum of a free piece to rounding; long ones keep it as far as their solves go."""
-    return run_howto(f"{HOWTO}/belt.toml", resolution=12, **{"solver.integrator": "semi_implicit"})
+    return run_howto(f"{HOWTO}/belt.toml", resolution=12, **SHORT_STEPS)
 
 
 def breaking(run):

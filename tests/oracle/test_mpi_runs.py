@@ -127,12 +127,17 @@ def last_frame(out):
     return -1 if frame is None else frame
 
 
-def await_frame(job, out, frame):
+def wait_while_running(job, out, holds, what):
+    """Waits until something holds in a run, which may not end before."""
     deadline = time.monotonic() + PATIENCE
-    while last_frame(out) < frame:
+    while not holds():
         assert job.poll() is None, f"ended with {job.returncode}:\n{Path(f'{out}.words').read_text()[-4000:]}"
-        assert time.monotonic() < deadline, f"frame {frame} does not come"
+        assert time.monotonic() < deadline, what
         time.sleep(0.02)
+
+
+def await_frame(job, out, frame):
+    wait_while_running(job, out, lambda: last_frame(out) >= frame, f"frame {frame} does not come")
 
 
 def processes(out):

@@ -16,7 +16,7 @@ use crate::snapshot::rows::TargetNumbers;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::snapshot::{SnapshotError, SnapshotSource};
 
-const SECTION: SectionId = SectionId { name: "integrator", version: 3 };
+const SECTION: SectionId = SectionId { name: "integrator", version: 2 };
 
 /// Cost of a frame over the cost of one with the other integrator above which a frame is dear.
 const DEAR: f64 = 1.25;
@@ -49,8 +49,8 @@ pub(super) struct IntegratorChange {
     frames: u64,
     /// Frames with each of [`Integrator::ALL`] after which the other one is tried.
     waits: [u64; 2],
-    /// Frames that the present integrator is still tried for at most; zero where it is not tried.
-    trial: u64,
+    /// Whether the present integrator is tried.
+    is_trial: bool,
 }
 
 impl IntegratorChange {
@@ -67,7 +67,7 @@ impl IntegratorChange {
             recent: [0.0; FRAMES],
             frames: 0,
             waits: first_waits,
-            trial: 0,
+            is_trial: false,
         })
     }
 
@@ -85,15 +85,14 @@ impl IntegratorChange {
         let other = other_than(present);
         let [here, there] = [present as usize, other as usize];
         let is_dear = |cost: f64| cost > DEAR * self.costs[there];
-        if self.trial > 0 {
+        if self.is_trial {
             let is_in_vain = cost >= self.costs[there];
-            self.trial -= 1;
-            if is_in_vain && !is_dear(cost) && self.trial > 0 {
+            if is_in_vain && !is_dear(cost) && self.frames < TRIAL {
                 return None;
             }
             self.costs[here] = cost;
             self.waits[there] = if is_in_vain { self.waits[there].saturating_mul(2) } else { self.first_waits[there] };
-            (self.trial, self.frames) = (0, 0);
+            (self.is_trial, self.frames) = (false, 0);
             return is_in_vain.then(|| self.leave(other));
         }
         let seen = (self.frames as usize).min(FRAMES);
@@ -102,7 +101,7 @@ impl IntegratorChange {
             return None;
         }
         self.costs[here] = self.recent[..seen].iter().sum::<f64>() / seen as f64;
-        self.trial = TRIAL;
+        self.is_trial = true;
         Some(self.leave(other))
     }
 
@@ -116,7 +115,7 @@ impl IntegratorChange {
     fn stay_with(&mut self, present: Integrator) {
         self.costs[other_than(present) as usize] = f64::MAX;
         self.waits[present as usize] = u64::MAX;
-        self.trial = 0;
+        self.is_trial = false;
     }
 
     /// Section with all that a snapshot needs of it.
@@ -128,7 +127,7 @@ impl IntegratorChange {
             .with("frames", Field::single(self.frames))
             .with("wait_short", Field::single(self.waits[0]))
             .with("wait_long", Field::single(self.waits[1]))
-            .with("trial", Field::single(self.trial));
+            .with("is_trial", Field::single(u64::from(self.is_trial)));
         let recent = RECENT.into_iter().zip(self.recent);
         let section = recent.fold(section, |section, (name, cost)| section.with(name, Field::single(cost)));
         let counts = COUNTS.into_iter().zip(self.under_way);
@@ -141,7 +140,7 @@ impl IntegratorChange {
         self.under_way = COUNTS.map(|name| section.single(name));
         self.frames = section.single("frames");
         self.waits = [section.single("wait_short"), section.single("wait_long")];
-        self.trial = section.single("trial");
+        self.is_trial = section.single::<u64>("is_trial") > 0;
         self.recent = RECENT.map(|name| section.single(name));
         Integrator::ALL[usize::from(section.single::<u64>("is_implicit") > 0)]
     }
@@ -228,7 +227,7 @@ mod tests {
             recent: [0.0; FRAMES],
             frames: 0,
             waits: [4, 16],
-            trial: 0,
+            is_trial: false,
         }
     }
 

@@ -335,10 +335,11 @@ impl Counts {
 impl Marks {
     /// Marks the contact of vertex i of the chunk. Returns whether it holds something.
     fn note(&mut self, i: usize, contact: &VertexContact) -> bool {
-        self.near |= if contact.holds[0].is_some() { bit(i) } else { 0 };
+        let is_near = contact.holds[0].is_some();
+        self.near |= if is_near { bit(i) } else { 0 };
         let is_constrained = contact.pinching.is_some() || contact.constraints().next().is_some();
         self.constrained |= if is_constrained { bit(i) } else { 0 };
-        contact.holds[0].is_some() || is_constrained
+        is_near || is_constrained
     }
 }
 
