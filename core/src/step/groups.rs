@@ -14,10 +14,10 @@ use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
 use crate::scene::Scene;
-use crate::solve::conjugate_gradient::ConjugateGradient;
-use crate::solve::implicit_velocity::{EffectiveMasses, PartForces};
+use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
 use crate::step::implicit::StageArrays;
+use crate::step::semi_implicit::SolveArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -136,15 +136,8 @@ pub(crate) struct Scratch {
     pub(super) v_star: Vec<Vec3>,
     /// x' [m].
     pub(super) x_new: Vec<Vec3>,
-    /// (x + x')/2 [m].
-    pub(super) x_middle: Vec<Vec3>,
-    /// The explicit part of a solve, v + dt/2 · M⁻¹F [m/s].
-    pub(super) explicit: Vec<Vec3>,
-    /// Masses of the solves where a force has a drag on each vertex.
-    pub(super) effective_masses: EffectiveMasses,
-    /// Velocities that forces see in B.5 [m/s]; empty if none looks.
-    pub(super) v_seen: Vec<Vec3>,
-    pub(super) cg: ConjugateGradient,
+    /// Arrays of the two solves of a semi-implicit step, where the integrator is that.
+    pub(super) solves: Option<Box<SolveArrays>>,
     /// Arrays of the stages of implicit steps, where the integrator is such.
     pub(super) stages: Option<Box<StageArrays>>,
     /// Vertices that rest on bodies in these stages.
@@ -160,21 +153,13 @@ impl Scratch {
         [with_v_star, sees_velocities]: [bool; 2],
         stages: Option<StageArrays>,
     ) -> Self {
-        let (parts, is_implicit) = (scene.parts(), stages.is_some());
-        let effective_masses =
-            if is_implicit { EffectiveMasses::default() } else { EffectiveMasses::new(forces, scene.masses()) };
-        let vertices = vec![Vec3::zeros(); parts.local_count()];
-        let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
-        let (v_star, v_seen) = (only_if(with_v_star), only_if(sees_velocities && !is_implicit));
+        let vertices = vec![Vec3::zeros(); scene.parts().local_count()];
+        let solves = stages.is_none().then(|| Box::new(SolveArrays::new(scene, forces, sees_velocities)));
         Self {
             v_half: vertices.clone(),
-            v_star,
-            x_new: vertices.clone(),
-            x_middle: vertices.clone(),
-            explicit: vertices,
-            effective_masses,
-            v_seen,
-            cg: ConjugateGradient::new(parts),
+            v_star: if with_v_star { vertices.clone() } else { Vec::new() },
+            x_new: vertices,
+            solves,
             stages: stages.map(Box::new),
             active: ActiveSet::default(),
         }
@@ -184,16 +169,17 @@ impl Scratch {
     /// state itself spoil, or, if there are none, those that the solve has spread it to.
     pub(crate) fn not_finite(&self, own: std::ops::Range<usize>, state: &State) -> Vec<usize> {
         let is_finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
-        let spoilt = |i: &usize| ![&self.explicit[*i], &state.x[*i], &state.v[*i]].into_iter().all(is_finite);
+        let explicit = self.solves.as_ref().map(|solves| &solves.explicit);
+        let at = |i: usize| explicit.map(|explicit| &explicit[i]).into_iter().chain([&state.x[i], &state.v[i]]);
+        let spoilt = |i: &usize| !at(*i).all(is_finite);
         let found: Vec<usize> = own.clone().filter(spoilt).collect();
         if found.is_empty() { own.filter(|i| !is_finite(&self.v_half[*i])).collect() } else { found }
     }
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
-            + self.effective_masses.bytes()
-            + self.cg.bytes()
+        (2 * self.x_new.len() + self.v_star.len()) * size_of::<Vec3>()
+            + self.solves.as_ref().map_or(0, |solves| solves.bytes())
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())
             + self.active.bytes()
     }
@@ -209,27 +195,6 @@ impl Scratch {
                 *x_new = x + v * dt;
             }
         });
-    }
-
-    /// The positions of B.5: (x + x')/2.
-    pub(super) fn set_middle(&mut self, state: &State) {
-        let chunks = self.x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK));
-        chunks.zip(self.x_new.par_chunks(CHUNK)).for_each(|((middle, x), x_new)| {
-            for ((middle, x), x_new) in middle.iter_mut().zip(x).zip(x_new) {
-                *middle = (x + x_new) * 0.5;
-            }
-        });
-    }
-
-    /// The velocity at the middle as B.1 to B.4 predict it, for forces that look at velocities: v½, and what bodies changed at
-    /// the start.
-    pub(super) fn predict_velocity(&mut self, parts: &Parts, v: &[Vec3]) {
-        let Self { v_half, v_star, v_seen, .. } = self;
-        if !v_seen.is_empty() {
-            v_seen.copy_from_slice(v_half);
-            v_seen.iter_mut().zip(v_star.iter().zip(v)).for_each(|(seen, (v_star, v))| *seen += v_star - v);
-            parts.halo().update(parts.ranks(), v_seen);
-        }
     }
 
     /// B.6: v' = 2 v½ − v*; `v` is v before and v' after.

@@ -4,7 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::contact::topology::nodes::ContactNodes;
-use crate::contact::topology::pair::{KINDS, Pair};
+use crate::contact::topology::pair::{KINDS, Pair, PairKind};
 use crate::parallel::message::is_broken;
 
 /// A pair of the list.
@@ -16,6 +16,34 @@ pub(crate) struct CandidatePair {
     pub distance: f32,
     /// Thickness of the pair [m]; zero where repulsions do not act.
     pub thickness: f32,
+}
+
+/// A pair of the list as it is kept: there are millions, and those of a kind are kept together.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KeptPair {
+    nodes: [u32; 4],
+    distance: f32,
+    thickness: f32,
+}
+
+impl KeptPair {
+    /// The pair, of this kind.
+    #[inline(always)]
+    pub(crate) fn of_kind(self, kind: PairKind) -> CandidatePair {
+        let Self { nodes, distance, thickness } = self;
+        CandidatePair { pair: Pair { kind, nodes }, distance, thickness }
+    }
+
+    /// Its nodes, to be renumbered.
+    pub(crate) fn nodes_mut(&mut self) -> &mut [u32; 4] {
+        &mut self.nodes
+    }
+}
+
+impl From<CandidatePair> for KeptPair {
+    fn from(CandidatePair { pair, distance, thickness }: CandidatePair) -> Self {
+        Self { nodes: pair.nodes, distance, thickness }
+    }
 }
 
 /// A pair of the list as it is sent, by numbers of the scene.
@@ -72,7 +100,6 @@ pub(crate) fn replicate_pairs(nodes: &ContactNodes, pairs: &mut Vec<CandidatePai
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::topology::pair::PairKind;
 
     #[test]
     fn a_pair_comes_as_it_was_sent_and_one_of_no_kind_ends_the_run() {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::candidate_pair::{self, CandidatePair};
+use crate::contact::broad_phase::candidate_pair::{self, CandidatePair, KeptPair};
 use crate::contact::tolerances::USABLE_SKIN;
 use crate::contact::topology::common_rigid_motion::RigidFit;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
@@ -48,13 +48,13 @@ pub(crate) struct PredictedPaths {
 }
 
 /// A piece of the list: points and triangles, then edges.
-type OfKinds = [Vec<CandidatePair>; 2];
+type OfKinds = [Vec<KeptPair>; 2];
 
 /// The list.
 #[derive(Debug)]
 pub(crate) struct ProximityList {
     /// Points and triangles, then edges; in the pieces in which the search has met them.
-    lists: [Vec<Vec<CandidatePair>>; 2],
+    lists: [Vec<Vec<KeptPair>>; 2],
     /// Positions of the nodes when the list was made [m]; none before.
     reference: Option<Vec<Vec3>>,
     /// Paths that it was made around; none for a list that is to last.
@@ -111,18 +111,18 @@ impl ProximityList {
     pub(crate) fn bytes(&self) -> usize {
         let pairs = self.lists.iter().flatten().map(Vec::capacity).sum::<usize>();
         let predicted = self.predicted.as_ref().map_or(0, |predicted| size_of_val(predicted.ends.as_slice()));
-        pairs * size_of::<CandidatePair>()
+        pairs * size_of::<KeptPair>()
             + predicted
             + self.displacements.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
     }
 
     /// Pairs of a kind, in the order in which the search has met them.
-    pub(crate) fn list(&self, kind: PairKind) -> impl Iterator<Item = &CandidatePair> {
-        self.pieces(kind).iter().flatten()
+    pub(crate) fn list(&self, kind: PairKind) -> impl Iterator<Item = CandidatePair> {
+        self.pieces(kind).iter().flatten().map(move |kept| kept.of_kind(kind))
     }
 
     /// The same in pieces.
-    pub(crate) fn pieces(&self, kind: PairKind) -> &[Vec<CandidatePair>] {
+    pub(crate) fn pieces(&self, kind: PairKind) -> &[Vec<KeptPair>] {
         &self.lists[kind as usize]
     }
 
@@ -183,7 +183,9 @@ impl ProximityList {
         let measure = measures(surface, is_predicted);
         let ends = self.predicted.as_ref().map(|predicted| predicted.ends.as_slice());
         let criterion = Criterion { surface, x, ends, measure: &measure, reach, gap };
-        let keep = |pair: Pair, out: &mut OfKinds| out[pair.kind as usize].extend(criterion.candidate(pair));
+        let keep = |pair: Pair, out: &mut OfKinds| {
+            out[pair.kind as usize].extend(criterion.candidate(pair).map(KeptPair::from))
+        };
         let finish = |out: &mut OfKinds| out.iter_mut().for_each(Vec::shrink_to_fit);
         let mut pieces = search.pieces_of_pairs(surface, keep, &finish);
         self.density = per_vertex(surface, pieces.iter().flatten().map(Vec::len).sum::<usize>() as u64);
@@ -251,7 +253,7 @@ impl ProximityList {
 
     /// Lays everything out for other ghosts.
     pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
-        renumber.renumber(self.lists.iter_mut().flatten().flatten().flat_map(|n| &mut n.pair.nodes));
+        renumber.renumber(self.lists.iter_mut().flatten().flatten().flat_map(KeptPair::nodes_mut));
         self.edge_length = measures(surface, self.predicted.is_some());
         if let Some(predicted) = &mut self.predicted {
             renumber.apply(&mut predicted.ends, Vec3::zeros());
@@ -351,16 +353,18 @@ impl ProximityList {
     /// of their edges farther.
     pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
-        let may_meet = |n: &&CandidatePair| self.may_come_within(n, gap, margin) && self.is_canonical(&n.pair);
-        let pieces = self.lists[0].par_iter().chain(&self.lists[1]);
-        let chunks = pieces.flat_map(|piece| piece.par_chunks(CHUNK));
-        out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
+        let may_meet = |n: &CandidatePair| self.may_come_within(n, gap, margin) && self.is_canonical(&n.pair);
+        for kind in KINDS {
+            let chunks = self.pieces(kind).par_iter().flat_map(|piece| piece.par_chunks(CHUNK));
+            let of_kind = chunks.flat_map_iter(|chunk| chunk.iter().map(|kept| kept.of_kind(kind)));
+            out.par_extend(of_kind.filter(may_meet).map(|n| n.pair));
+        }
     }
 
     /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
     /// their edges farther; one entry for each node. Own nodes are marked by their owner.
     pub(crate) fn mark_in_contact(&self, margin: f64, marks: &mut [u8]) {
-        let touching = self.lists.iter().flatten().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
+        let touching = KINDS.iter().flat_map(|kind| self.list(*kind)).filter(|n| self.may_come_within(n, 0.0, margin));
         touching.flat_map(|n| n.pair.nodes).for_each(|node| marks[node as usize] = 1);
     }
 
@@ -477,7 +481,10 @@ fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<OfKinds>) -> O
         return None;
     }
     let nodes = surface.nodes();
-    let mut pairs: Vec<CandidatePair> = std::mem::take(pieces).into_iter().flatten().flatten().collect();
+    let of_piece = |piece: OfKinds| {
+        KINDS.into_iter().zip(piece).flat_map(|(kind, kept)| kept.into_iter().map(move |kept| kept.of_kind(kind)))
+    };
+    let mut pairs: Vec<CandidatePair> = std::mem::take(pieces).into_iter().flat_map(of_piece).collect();
     pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
     candidate_pair::replicate_pairs(nodes, &mut pairs);
     let is_ghost = |number: &u32| *number < nodes.global_cloth_count() && !nodes.owns(*number);
@@ -487,8 +494,9 @@ fn replicate_pairs(surface: &mut ContactSurface, pieces: &mut Vec<OfKinds>) -> O
     let renumber = surface.set_ghosts(ghosts);
     let local = |number: u32| surface.nodes().local(number).expect("the nodes of held pairs are own or ghosts");
     pairs.iter_mut().for_each(|n| n.pair.nodes = n.pair.nodes.map(local));
-    let (first, second) = pairs.into_iter().partition(|n| n.pair.kind == KINDS[0]);
-    pieces.push([first, second]);
+    let mut of_kinds = OfKinds::default();
+    pairs.into_iter().for_each(|n| of_kinds[n.pair.kind as usize].push(n.into()));
+    pieces.push(of_kinds);
     renumber
 }
 

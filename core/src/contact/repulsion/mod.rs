@@ -186,7 +186,7 @@ impl Repulsions {
             for pieces in proximity.pieces(kind).chunks(PIECES) {
                 let chunks = pieces.par_iter().flat_map(|piece| piece.par_chunks(CHUNK));
                 let found: Vec<Vec<OrientedPair>> =
-                    chunks.map(|chunk| chunk.iter().filter_map(near).collect()).collect();
+                    chunks.map(|chunk| chunk.iter().filter_map(|kept| near(&kept.of_kind(kind))).collect()).collect();
                 of_kind.oriented.reserve_exact(found.iter().map(Vec::len).sum());
                 found.into_iter().for_each(|found| of_kind.oriented.extend(found));
             }

@@ -82,7 +82,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
 
 /// Checks that a list has each pair once, all that come close on these paths, and bounds that are not above distances.
 fn assert_holds_all(proximity: &ProximityList, surface: &ContactSurface, all: &[Pair], [start, end]: [&[Vec3]; 2]) {
-    let entries: BTreeMap<Pair, &CandidatePair> =
+    let entries: BTreeMap<Pair, CandidatePair> =
         KINDS.iter().flat_map(|k| proximity.list(*k)).map(|n| (n.pair, n)).collect();
     assert_eq!(entries.len(), KINDS.iter().map(|k| proximity.list(*k).count()).sum::<usize>(), "each pair once");
     let (mut close, mut least) = (0, f64::INFINITY);

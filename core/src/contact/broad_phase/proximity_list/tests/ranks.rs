@@ -170,9 +170,9 @@ struct Found {
 
 /// The pairs of the list, ascending.
 fn entries(proximity: &ProximityList, surface: &ContactSurface) -> Vec<Entry> {
-    let entry = |n: &CandidatePair| {
+    let entry = |n: CandidatePair| {
         let pair = surface.nodes().numbered(&n.pair);
-        (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(n).to_bits())
+        (pair, n.distance.to_bits(), n.thickness.to_bits(), proximity.distance_bound(&n).to_bits())
     };
     let mut entries: Vec<Entry> = KINDS.iter().flat_map(|kind| proximity.list(*kind)).map(entry).collect();
     entries.sort_unstable();
