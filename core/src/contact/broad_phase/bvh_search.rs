@@ -181,19 +181,8 @@ impl PairSearch {
     }
 
     /// Meets every pair of this rank whose boxes overlap, once, and keeps what `keep` makes of it. Primitives that share a node
-    /// are no pair. The order depends on the trees: sort what order matters for.
-    pub(crate) fn pairs<T: Send>(
-        &self,
-        surface: &ContactSurface,
-        keep: impl Fn(Pair, &mut Vec<T>) + Sync,
-        found: &mut Vec<T>,
-    ) {
-        let pieces = self.pieces_of_pairs(surface, keep, &Vec::shrink_to_fit);
-        found.clear();
-        add_pieces(pieces, found);
-    }
-
-    /// The same in pieces, for lists that are too long to be in memory twice; `finish` ends each.
+    /// are no pair. The order depends on the trees: sort what order matters for. There is a piece for each task, since all may be too long
+    /// to be in memory twice; `finish` ends each.
     pub(super) fn pieces_of_pairs<P: Default + Send>(
         &self,
         surface: &ContactSurface,
@@ -282,12 +271,6 @@ impl PairSearch {
             }
         }
     }
-}
-
-/// Adds pieces one by one, such that they are not in memory twice.
-pub(super) fn add_pieces<T>(pieces: Vec<Vec<T>>, found: &mut Vec<T>) {
-    found.reserve_exact(pieces.iter().map(Vec::len).sum());
-    pieces.into_iter().for_each(|piece| found.extend(piece));
 }
 
 impl Side<'_> {

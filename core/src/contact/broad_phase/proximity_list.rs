@@ -351,14 +351,18 @@ impl ProximityList {
 
     /// The pairs canonical here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
     /// of their edges farther.
-    pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
-        out.clear();
+    pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Vec<Pair>>) {
+        // One piece, in the memory of an earlier one.
+        out.truncate(1);
+        let mut close = out.pop().unwrap_or_default();
+        close.clear();
         let may_meet = |n: &CandidatePair| self.may_come_within(n, gap, margin) && self.is_canonical(&n.pair);
         for kind in KINDS {
             let chunks = self.pieces(kind).par_iter().flat_map(|piece| piece.par_chunks(CHUNK));
             let of_kind = chunks.flat_map_iter(|chunk| chunk.iter().map(|kept| kept.of_kind(kind)));
-            out.par_extend(of_kind.filter(may_meet).map(|n| n.pair));
+            close.par_extend(of_kind.filter(may_meet).map(|n| n.pair));
         }
+        out.push(close);
     }
 
     /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of

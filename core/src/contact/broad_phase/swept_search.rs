@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS, add_pieces};
+use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
 use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
@@ -27,8 +27,8 @@ pub(crate) struct Inflation {
 pub(crate) struct SweptPairs<'a> {
     /// Marks of the own nodes that have left their boxes since, over local nodes.
     pub left: &'a mut Vec<u8>,
-    /// The pairs.
-    pub found: &'a mut Vec<Pair>,
+    /// The pairs, in pieces.
+    pub found: &'a mut Vec<Vec<Pair>>,
 }
 
 impl Inflation {
@@ -49,10 +49,12 @@ impl PairSearch {
         proximity: &mut ProximityList,
         paths: &mut NodePaths,
         inflation: Inflation,
-        found: &mut Vec<Pair>,
+        found: &mut Vec<Vec<Pair>>,
     ) -> Option<IndexMap> {
         let renumber = self.fit_to_paths(surface, proximity, paths, inflation);
-        self.pairs(surface, |pair, out| out.push(pair), found);
+        // Those found before are not in memory beside them.
+        found.clear();
+        *found = self.pieces_of_pairs(surface, |pair, out: &mut Vec<Pair>| out.push(pair), &Vec::shrink_to_fit);
         renumber
     }
 
@@ -69,7 +71,7 @@ impl PairSearch {
         let renumber = self.fit_to_paths(surface, proximity, paths, inflation);
         if let Some(renumber) = &renumber {
             renumber.apply(left, 0);
-            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
+            renumber.renumber(found.iter_mut().flatten().flat_map(|pair| &mut pair.nodes));
         }
         surface.nodes().update(left);
         self.replace_pairs_of_marked(surface, left, found);
@@ -116,7 +118,7 @@ impl PairSearch {
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, proximity, paths);
             renumber.apply(left, 0);
-            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
+            renumber.renumber(found.iter_mut().flatten().flat_map(|pair| &mut pair.nodes));
             self.exchange(surface.nodes(), left);
         }
         if !surface.ranks().is_alone() {
@@ -127,9 +129,9 @@ impl PairSearch {
     }
 
     /// Replaces the pairs with a marked node by those whose boxes overlap.
-    fn replace_pairs_of_marked(&self, surface: &ContactSurface, marks: &[u8], found: &mut Vec<Pair>) {
+    fn replace_pairs_of_marked(&self, surface: &ContactSurface, marks: &[u8], found: &mut Vec<Vec<Pair>>) {
         let concerned = |pair: &Pair| pair.nodes.iter().any(|node| marks[*node as usize] != 0);
-        found.retain(|pair| !concerned(pair));
+        found.iter_mut().for_each(|piece| piece.retain(|pair| !concerned(pair)));
         let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(concerned));
         self.pairs_with(surface, marks, keep, found);
     }
@@ -151,7 +153,7 @@ impl PairSearch {
         surface: &ContactSurface,
         marks: &[u8],
         keep: impl Fn(Pair, &mut Vec<Pair>) + Sync,
-        found: &mut Vec<Pair>,
+        found: &mut Vec<Vec<Pair>>,
     ) {
         let [cloth, bodies, ghosts] = self.sides(surface);
         let [marked, marked_bodies, marked_ghosts] = [cloth, bodies, ghosts].map(|side| side.tree_where(marks));
@@ -189,8 +191,7 @@ impl PairSearch {
                 tasks.extend(tree.tasks_with(others, TASKS).into_iter().map(|task| (search, task)));
             }
         }
-        let pieces: Vec<Vec<Pair>> = tasks.par_iter().map(|(search, task)| work(*search, task)).collect();
-        add_pieces(pieces, found);
+        found.par_extend(tasks.par_iter().map(|(search, task)| work(*search, task)).filter(|piece| !piece.is_empty()));
     }
 }
 

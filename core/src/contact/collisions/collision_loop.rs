@@ -114,8 +114,8 @@ pub(crate) struct CollisionLoop {
     /// Not zero for nodes that the last attempt has changed, and for those that any has.
     recent: Vec<u8>,
     moved: Vec<u8>,
-    /// Pairs canonical here that may meet.
-    candidates: Vec<Pair>,
+    /// Pairs canonical here that may meet, in pieces.
+    candidates: Vec<Vec<Pair>>,
     /// Not zero for own nodes that have come out of what the candidates were looked for in.
     left: Vec<u8>,
 }
@@ -250,7 +250,7 @@ impl CollisionLoop {
             let left_alone = (collisions.ignored)(&collision.pair) || response.leaves_alone(&collision);
             (!left_alone).then_some(collision)
         };
-        let chunks = self.candidates.par_chunks(CHUNK);
+        let chunks = self.candidates.par_iter().flat_map(|piece| piece.par_chunks(CHUNK));
         let mut detected: Vec<Collision> =
             chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect();
         detected.sort_unstable_by_key(|collision| collision.pair);

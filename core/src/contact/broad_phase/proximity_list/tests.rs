@@ -144,9 +144,8 @@ fn a_search_along_paths_meets_all_that_collides() {
     let surface = ContactSurface::new(&scene, 0.4);
     let end: Vec<Vec3> = start.iter().map(|x| x + random.vector() * 0.02).collect();
     let mut search = PairSearch::new();
-    let mut found = Vec::new();
     search.refit(&surface, |i| Aabb::of_segment(&start[i], &end[i]));
-    search.pairs(&surface, |pair, out| out.push(pair), &mut found);
+    let mut found = search.pieces_of_pairs(&surface, |pair, out: &mut Vec<Pair>| out.push(pair), &|_| ()).concat();
     found.sort_unstable();
     assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");
     let mut collide = 0;

@@ -198,8 +198,8 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     }
     let nodes = surface.nodes().clone();
     let displacements = nodes.own().map(|node| proximity.displacements[node].to_bits()).collect();
-    let numbered = |pairs: &[Pair], surface: &ContactSurface| {
-        let mut pairs: Vec<Pair> = pairs.iter().map(|pair| surface.nodes().numbered(pair)).collect();
+    let numbered = |pairs: &[Vec<Pair>], surface: &ContactSurface| {
+        let mut pairs: Vec<Pair> = pairs.iter().flatten().map(|pair| surface.nodes().numbered(pair)).collect();
         pairs.sort_unstable();
         pairs
     };
@@ -240,7 +240,7 @@ fn renew(
     every: u32,
     heap: &Heap,
     (surface, proximity): (&mut ContactSurface, &mut ProximityList),
-    (search, paths, pairs): (&mut PairSearch, &mut NodePaths, &mut Vec<Pair>),
+    (search, paths, pairs): (&mut PairSearch, &mut NodePaths, &mut Vec<Vec<Pair>>),
 ) {
     let elsewhere = heap.at(surface, 1);
     let goes: Vec<bool> = (0..elsewhere.len() as u32).map(|n| surface.nodes().number(n) % every == 0).collect();
@@ -254,11 +254,13 @@ fn renew(
     let (mut anew, mut others) = (PairSearch::new(), Vec::new());
     // Another tree may import more.
     if let Some(renumber) = anew.swept_pairs(surface, proximity, paths, AROUND, &mut others) {
-        renumber.renumber(pairs.iter_mut().flat_map(|pair| &mut pair.nodes));
+        renumber.renumber(pairs.iter_mut().flatten().flat_map(|pair| &mut pair.nodes));
     }
-    pairs.sort_unstable();
-    others.sort_unstable();
-    assert!(*pairs == others, "{} pairs of {}", pairs.len(), others.len());
+    let [pairs, others] = [pairs.concat(), others.concat()].map(|mut pairs| {
+        pairs.sort_unstable();
+        pairs
+    });
+    assert!(pairs == others, "{} pairs of {}", pairs.len(), others.len());
     *search = anew;
 }
 
