@@ -7,9 +7,14 @@
 /// B.1 is corrected in B.5, which goes on until modes are settled, or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const MOST_ROUNDS: usize = 4;
 
-/// Most solves of a stage in which the last one has left a pair unsettled, or, where positions are given, a mode. A step with a stage of which a
+/// Most solves of a stage in which the last one has left a pair unsettled or has not come to its tolerance, or, where positions are given,
+/// has left a mode unsettled. A step with a stage of which a
 /// part has not settled after all of them has gone wrong and is taken back. Guarded by `layers_with_one_step_a_frame_never_cross`.
 pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
+
+/// Times `cg_max_iterations` that a solve may take which nothing corrects but a shorter step: the only one of a stage, or one beyond
+/// [`MOST_ROUNDS`]. More would cost more than two half steps (`docs/dev/decisions/0071-long-solves.md`).
+pub(crate) const LATE_ITERATIONS: usize = 5;
 
 /// Share of the reactions of bodies that may be beyond Coulomb's law at the end of the first stage, the second, and B.5. The later ones
 /// correct what the earlier ones leave. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.

@@ -92,7 +92,7 @@ static SPECS: [IntegratorSpec; Integrator::ALL.len()] = [
         keeps_acceleration: true,
         strain_per_step: 0.5,
         strain_limit_sweep_factor: 16,
-        version: 13,
+        version: 14,
         unused: &[UnusedKey {
             key: "cfl",
             because: "it limits the steps for explicit forces, and long steps have none",

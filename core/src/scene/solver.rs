@@ -46,7 +46,7 @@ described! { all of SolverSettings {
         "largest change of strain of an edge in one time step; \"auto\" takes 0.1, and 0.5 with `tr_bdf2`";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
         "residual at which the damping solve stops; \"auto\" takes the smaller of 1 cm/s and a tenth of what gravity adds in one step";
-    cg_max_iterations => None, default Count(1000), range (1.0, 1e6),
+    cg_max_iterations => None, default Count(200), range (1.0, 1e6),
         "largest number of iterations of one damping solve";
     integrator => None, default Choice("semi_implicit", Integrator::WORDS), range (0.0, 0.0),
         "treatment of elastic forces in a time step; left out, `auto` in a scene file of which a garment has a material";

@@ -41,6 +41,13 @@ pub struct Stop {
     pub max_iterations: usize,
 }
 
+impl Stop {
+    /// The same after so many times the iterations.
+    pub(crate) fn later(self, times: usize) -> Self {
+        Self { max_iterations: self.max_iterations.saturating_mul(times), ..self }
+    }
+}
+
 /// Outcome of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {

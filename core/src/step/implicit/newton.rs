@@ -6,7 +6,7 @@ use super::stage::{StageEquation, StageSolver};
 use crate::Vec3;
 use crate::contact::bodies::active_set::{ActiveContact, StageEnd, Trust};
 use crate::contact::repulsion::pair_forces::note_solution;
-use crate::long_steps::{CONVERGED, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, UNSETTLED_SHARE};
+use crate::long_steps::{CONVERGED, LATE_ITERATIONS, MOST_ROUNDS, MOST_ROUNDS_OF_PAIRS, ROUGH, UNSETTLED_SHARE};
 use crate::parallel::simd4::Simd4;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
@@ -118,9 +118,10 @@ impl StageSolver<'_> {
                 cg.prepare_finest(&system);
             }
             let outcome = if takes_rounds {
-                cg.newton_step(&system, residual, change, at.stop, &mut forcing)
+                let stop = if round > MOST_ROUNDS { at.stop.later(LATE_ITERATIONS) } else { at.stop };
+                cg.newton_step(&system, residual, change, stop, &mut forcing)
             } else {
-                cg.solve(&system, residual, change, at.stop)
+                cg.solve(&system, residual, change, at.stop.later(LATE_ITERATIONS))
             };
             total.solves += outcome.solves;
             total.iterations += outcome.iterations;
@@ -139,10 +140,15 @@ impl StageSolver<'_> {
                 self.arrays.worked_on.fill(false);
                 break;
             }
-            let moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
+            let mut moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
+            // A solve that has ended at its limit is gone on with.
+            let is_short = !outcome.converged && outcome.finite && !outcome.worse;
+            if is_short {
+                moved.iter_mut().zip(&self.arrays.worked_on).for_each(|(moved, worked_on)| *moved |= worked_on);
+            }
             let [is_unsettled, in_large_share] = if round >= MOST_ROUNDS { self.has_unsettled() } else { [false; 2] };
             let modes_settled = !stage.positions_given || self.active.is_settled();
-            let is_last = round >= MOST_ROUNDS && !is_unsettled && modes_settled;
+            let is_last = round >= MOST_ROUNDS && !is_unsettled && !is_short && modes_settled;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
                 self.arrays.has_unsettled_pair |= is_unsettled;
                 if in_large_share {
