@@ -27,3 +27,6 @@ pub mod ranks;
 pub(crate) mod reduce;
 pub mod serial;
 pub mod simd4;
+
+/// Vertices that one task of a plain vector update works on.
+pub(crate) const CHUNK: usize = 4096;

@@ -10,6 +10,7 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::force::VelocityFilter;
 use crate::metrics::Metrics;
 use crate::observe::Quantity;
+use crate::parallel::CHUNK;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
@@ -17,7 +18,7 @@ use crate::scene::Scene;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
 use crate::step::implicit::StageArrays;
-use crate::step::semi_implicit::SolveArrays;
+use crate::step::solve_arrays::SolveArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -124,9 +125,6 @@ impl Contacts {
     }
 }
 
-/// Vertices that one task of a plain vector update works on.
-pub(super) const CHUNK: usize = 4096;
-
 /// Arrays that a step writes and the next one overwrites; never saved.
 #[derive(Debug)]
 pub(crate) struct Scratch {
@@ -182,6 +180,14 @@ impl Scratch {
             + self.solves.as_ref().map_or(0, |solves| solves.bytes())
             + self.stages.as_ref().map_or(0, |stages| stages.bytes())
             + self.active.bytes()
+    }
+
+    /// The arrays of the solves, v½, v* and x'.
+    pub(super) fn of_solves(&mut self) -> (&mut SolveArrays, &mut Vec<Vec3>, &[Vec3], &[Vec3]) {
+        let Self { solves: Some(arrays), v_half, v_star, x_new, .. } = self else {
+            unreachable!("a scene with the semi-implicit integrator has its arrays")
+        };
+        (arrays, v_half, v_star, x_new)
     }
 
     /// B.3: x' = x + dt · v½, and v* = v.

@@ -19,6 +19,7 @@
 mod groups;
 mod implicit;
 mod semi_implicit;
+mod solve_arrays;
 mod tr_bdf2;
 
 pub(crate) use implicit::StageArrays;
