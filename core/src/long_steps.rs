@@ -13,7 +13,7 @@ pub(crate) const MOST_ROUNDS: usize = 4;
 pub(crate) const MOST_ROUNDS_OF_PAIRS: usize = 8;
 
 /// Times `cg_max_iterations` that a solve may take which nothing corrects but a shorter step: the only one of a stage, or one beyond
-/// [`MOST_ROUNDS`]. More would cost more than two half steps (`docs/dev/decisions/0071-long-solves.md`).
+/// [`MOST_ROUNDS`]. A push through fifty layers needs them (`docs/dev/decisions/0071-long-solves.md`).
 pub(crate) const LATE_ITERATIONS: usize = 5;
 
 /// Share of the reactions of bodies that may be beyond Coulomb's law at the end of the first stage, the second, and B.5. The later ones
