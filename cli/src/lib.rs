@@ -72,6 +72,7 @@ pub fn command(invocation: &Invocation) -> u8 {
 }
 
 fn started(invocation: &Invocation) -> u8 {
+    memory::return_large_blocks();
     if let Err(failure) = memory::watch().and_then(|()| signals::outlive_limits_of_files()) {
         failure.report();
         return failure.code as u8;

@@ -213,7 +213,7 @@ fn folded(mesh: &TriangleMesh) -> Vec<Vec3> {
 }
 
 fn springs(mesh: &TriangleMesh, x: &[Vec3]) -> Vec<Spring> {
-    let of = |(edge, area): (&drapery_core::mesh::Edge, &f64)| {
+    let of = |(edge, area): (&drapery_core::mesh::Edge, f64)| {
         let [a, b] = edge.vertices.map(|v| x[v as usize]);
         let direction = (b - a).normalize();
         Spring { ends: edge.vertices, stiffness: area / mesh.rest_length(*edge).powi(2), direction }

@@ -265,10 +265,8 @@ pub struct TriangleMesh {
     triangles: Vec<[u32; 3]>,
     polygons: Vec<u32>,
     edges: Vec<Edge>,
-    hinges: Vec<Hinge>,
     rest_positions: Vec<Vec3>,
     rest_areas: Vec<f64>,
-    edge_areas: Vec<f64>,
     /// Rest positions before they were scaled [m], if they are.
     modelled: Option<Vec<Vec3>>,
 }
@@ -281,45 +279,29 @@ impl TriangleMesh {
     }
 
     /// The mesh of these triangles, each with its polygon, over rest positions [m], with its edges (ascending by vertex
-    /// numbers) and hinges (every pair of triangles that share an edge, also where more than two meet).
+    /// numbers).
     pub(crate) fn of_triangles(rest_positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, polygons: Vec<u32>) -> Self {
         let at = |i: u32| rest_positions[i as usize];
         let rest_areas: Vec<f64> =
             triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm()).collect();
-        // One entry per side of each triangle; sorting brings the sides of an edge together.
-        let mut sides: Vec<([u32; 2], u32, u32)> = Vec::with_capacity(3 * triangles.len());
-        for (t, &[a, b, c]) in triangles.iter().enumerate() {
+        let ends = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let mut edges: Vec<Edge> = ends.map(|[p, q]| Edge { vertices: [p.min(q), p.max(q)] }).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges.shrink_to_fit();
+        Self { triangles, polygons, edges, rest_positions, rest_areas, modelled: None }
+    }
+
+    /// The sides of each triangle with the triangle and its opposite corner, those of an edge together, in the order of the edges.
+    fn sides(&self) -> Vec<([u32; 2], u32, u32)> {
+        let mut sides: Vec<([u32; 2], u32, u32)> = Vec::with_capacity(3 * self.triangles.len());
+        for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
             for (p, q, opposite) in [(a, b, c), (b, c, a), (c, a, b)] {
                 sides.push(([p.min(q), p.max(q)], t as u32, opposite));
             }
         }
         sides.sort_unstable();
-        let mut built = Self {
-            triangles,
-            polygons,
-            edges: Vec::new(),
-            hinges: Vec::new(),
-            rest_positions,
-            rest_areas,
-            edge_areas: Vec::new(),
-            modelled: None,
-        };
-        for group in sides.chunk_by(|a, b| a.0 == b.0) {
-            let edge = built.edges.len() as u32;
-            built.edges.push(Edge { vertices: group[0].0 });
-            built.edge_areas.push(group.iter().map(|(_, t, _)| built.rest_areas[*t as usize]).sum());
-            for (i, first) in group.iter().enumerate() {
-                built.hinges.extend(group[i + 1..].iter().map(|second| Hinge {
-                    edge,
-                    opposite: [first.2, second.2],
-                    triangles: [first.1, second.1],
-                }));
-            }
-        }
-        built.edges.shrink_to_fit();
-        built.hinges.shrink_to_fit();
-        built.edge_areas.shrink_to_fit();
-        built
+        sides
     }
 
     /// Triangles, counter-clockwise seen from the side that the polygons face.
@@ -337,9 +319,21 @@ impl TriangleMesh {
         &self.edges
     }
 
-    /// Pairs of triangles that share an edge, ascending by edge.
-    pub fn hinges(&self) -> &[Hinge] {
-        &self.hinges
+    /// Every pair of triangles that share an edge, also where more than two meet, ascending by edge. They are found anew: only the setup
+    /// needs them.
+    pub fn hinges(&self) -> Vec<Hinge> {
+        let sides = self.sides();
+        let mut hinges = Vec::with_capacity(sides.len() / 2);
+        for (edge, group) in (0..).zip(sides.chunk_by(|a, b| a.0 == b.0)) {
+            for (i, first) in group.iter().enumerate() {
+                hinges.extend(group[i + 1..].iter().map(|second| Hinge {
+                    edge,
+                    opposite: [first.2, second.2],
+                    triangles: [first.1, second.1],
+                }));
+            }
+        }
+        hinges
     }
 
     /// Rest positions [m].
@@ -369,9 +363,10 @@ impl TriangleMesh {
         &self.rest_areas
     }
 
-    /// Sum of the rest areas of the triangles at each edge [m²].
-    pub fn edge_areas(&self) -> &[f64] {
-        &self.edge_areas
+    /// Sum of the rest areas of the triangles at each edge [m²]. They are summed anew: only the setup needs them.
+    pub fn edge_areas(&self) -> Vec<f64> {
+        let area = |group: &[([u32; 2], u32, u32)]| group.iter().map(|(_, t, _)| self.rest_areas[*t as usize]).sum();
+        self.sides().chunk_by(|a, b| a.0 == b.0).map(area).collect()
     }
 
     /// Rest length of an edge [m].

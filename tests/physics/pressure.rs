@@ -74,7 +74,7 @@ fn volume(points: &[Vec3]) -> f64 {
 /// Spring network's `Σ k (l − l₀) l` [J], with k = Y A / l₀² as `stretch` takes it without softening.
 fn virial(points: &[Vec3], stiffness: f64) -> f64 {
     let mesh = TriangleMesh::new(&ball());
-    let spring = |(edge, area): (&drapery_core::mesh::Edge, &f64)| {
+    let spring = |(edge, area): (&drapery_core::mesh::Edge, f64)| {
         let (rest, [a, b]) = (mesh.rest_length(*edge), edge.vertices.map(|v| points[v as usize]));
         let length = (b - a).norm();
         stiffness * area / (rest * rest) * (length - rest) * length

@@ -72,7 +72,7 @@ impl Cloth {
             let ends = |edge: &drapery_core::mesh::Edge| edge.vertices.map(|v| v + first);
             cloth.edges.extend(mesh.edges().iter().map(|edge| (ends(edge), mesh.rest_length(*edge))));
             let hinges =
-                mesh.hinges().iter().map(|hinge| (hinge.edge + edge, hinge.triangles.map(|t| t + triangle), 0.0));
+                mesh.hinges().into_iter().map(|hinge| (hinge.edge + edge, hinge.triangles.map(|t| t + triangle), 0.0));
             cloth.hinges.extend(hinges);
             cloth.areas.resize(cloth.rest.len(), 0.0);
             for (corners, area) in mesh.triangles().iter().zip(mesh.rest_areas()) {

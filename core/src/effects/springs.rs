@@ -257,7 +257,5 @@ pub(super) fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
 /// Springs along the edges of a mesh.
 pub(crate) fn along_edges(mesh: &TriangleMesh) -> Vec<SpringElement> {
     let elements = mesh.edges().iter().zip(mesh.edge_areas());
-    elements
-        .map(|(e, area)| SpringElement { vertices: e.vertices, rest_length: mesh.rest_length(*e), area: *area })
-        .collect()
+    elements.map(|(e, area)| SpringElement { vertices: e.vertices, rest_length: mesh.rest_length(*e), area }).collect()
 }

@@ -36,6 +36,8 @@ pub(crate) struct PairSearch {
     pub(super) ghost_bvh: RefittedBvh,
     /// Displacement common to all nodes on the paths searched last, taken out before the search [m].
     pub(super) shift: Vec3,
+    /// Ends of the paths searched last, less that displacement [m].
+    pub(super) path_ends: Vec<Vec3>,
 }
 
 /// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
@@ -113,12 +115,12 @@ impl PairSearch {
     pub(crate) fn new() -> Self {
         let [cloth, bodies, ghost_bvh] = [(); 3].map(|()| RefittedBvh::empty());
         let (ghosts, shift) = (Faces::default(), Vec3::zeros());
-        Self { node_boxes: Vec::new(), cloth, bodies, ghosts, ghost_bvh, shift }
+        Self { node_boxes: Vec::new(), cloth, bodies, ghosts, ghost_bvh, shift, path_ends: Vec::new() }
     }
 
     /// Memory held [bytes], trees estimated at two nodes a triangle.
     pub(crate) fn bytes(&self) -> usize {
-        let boxes = self.node_boxes.len() * size_of::<Aabb>();
+        let boxes = self.node_boxes.len() * size_of::<Aabb>() + size_of_val(self.path_ends.as_slice());
         boxes + self.cloth.bytes() + self.bodies.bytes() + self.ghost_bvh.bytes() + self.ghosts.bytes()
     }
 

@@ -1,6 +1,7 @@
-//! The search along paths, and its renewal where nodes have left what was searched.
+//! The search along paths, and its renewal where nodes have left their paths.
 //!
-//! While collisions are resolved, a few nodes at a time come to leave their boxes. Only what these may meet is searched again.
+//! A node stops anywhere on its path, or a little beside it: collisions shorten paths. Pairs that cannot meet wherever their nodes stop are
+//! left out. While collisions are resolved, a few nodes at a time leave their paths. Only what these may meet is searched again.
 
 use rayon::prelude::*;
 
@@ -13,6 +14,10 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
+use crate::geometry::distance::closest_on_segment;
+
+/// Distance that pairs left out keep, in gaps: detection reports contacts up to a thousandth of the gap farther.
+const BEYOND_GAP: f64 = 1.01;
 
 /// Distance from the path of a node within which it may meet something: so far [m], and this share of its edges.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +30,7 @@ pub(crate) struct Inflation {
 
 /// Pairs that were found along paths.
 pub(crate) struct SweptPairs<'a> {
-    /// Marks of the own nodes that have left their boxes since, over local nodes.
+    /// Marks of the own nodes that have left their paths since, over local nodes.
     pub left: &'a mut Vec<u8>,
     /// The pairs, in pieces.
     pub found: &'a mut Vec<Vec<Pair>>,
@@ -36,6 +41,24 @@ impl Inflation {
     fn swept(&self, surface: &ContactSurface, paths: &NodePaths, shift: &Vec3, node: usize) -> Aabb {
         let reach = self.gap + self.margin * surface.edge_length()[node];
         Aabb::around_path([&paths.start[node], &paths.end[node]], shift, reach)
+    }
+}
+
+/// Paths that were searched: what tells pairs that may meet on them.
+struct SearchedPaths<'a> {
+    surface: &'a ContactSurface,
+    start: &'a [Vec3],
+    /// Ends, less the common displacement [m].
+    ends: &'a [Vec3],
+    inflation: Inflation,
+}
+
+impl SearchedPaths<'_> {
+    /// Whether a pair may meet with each node anywhere on its path.
+    fn may_meet(&self, pair: &Pair) -> bool {
+        let [a, b] = pair.fold(self.surface.edge_length(), f64::max);
+        let limit = BEYOND_GAP * self.inflation.gap + self.inflation.margin * (a + b);
+        !pair.is_beyond_between([&pair.positions(self.start), &pair.positions(self.ends)], limit)
     }
 }
 
@@ -54,7 +77,9 @@ impl PairSearch {
         let renumber = self.fit_to_paths(surface, proximity, paths, inflation);
         // Those found before are not in memory beside them.
         found.clear();
-        *found = self.pieces_of_pairs(surface, |pair, out: &mut Vec<Pair>| out.push(pair), &Vec::shrink_to_fit);
+        let searched = self.searched_paths(surface, paths, inflation);
+        let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(|pair| searched.may_meet(pair)));
+        *found = self.pieces_of_pairs(surface, keep, &Vec::shrink_to_fit);
         renumber
     }
 
@@ -74,7 +99,8 @@ impl PairSearch {
             renumber.renumber(found.iter_mut().flatten().flat_map(|pair| &mut pair.nodes));
         }
         surface.nodes().update(left);
-        self.replace_pairs_of_marked(surface, left, found);
+        let searched = self.searched_paths(surface, paths, inflation);
+        self.replace_pairs_of_marked(&searched, left, found);
         renumber
     }
 
@@ -95,10 +121,22 @@ impl PairSearch {
             lay_out(renumber, surface, proximity, paths);
         }
         self.refit_ghosts(surface, |i| inflation.swept(surface, paths, &shift, i));
+        self.path_ends.clear();
+        self.path_ends.extend(paths.end.iter().map(|end| end - shift));
         renumber
     }
 
-    /// Brings the pairs found last along paths to those with the present ends of the nodes that left their boxes. All ranks call
+    /// The paths searched last.
+    fn searched_paths<'a>(
+        &'a self,
+        surface: &'a ContactSurface,
+        paths: &'a NodePaths,
+        inflation: Inflation,
+    ) -> SearchedPaths<'a> {
+        SearchedPaths { surface, start: &paths.start, ends: &self.path_ends, inflation }
+    }
+
+    /// Brings the pairs found last along paths to those with the present ends of the nodes that left their paths. All ranks call
     /// it together, and everything is as with [`PairSearch::swept_pairs`].
     pub(crate) fn update_swept_pairs(
         &mut self,
@@ -110,41 +148,47 @@ impl PairSearch {
     ) -> Option<IndexMap> {
         for node in surface.nodes().own().filter(|node| left[*node] != 0) {
             self.node_boxes[node] = inflation.swept(surface, paths, &self.shift, node);
+            self.path_ends[node] = paths.end[node] - self.shift;
         }
-        // The box of a ghost is that of its owner, who judges whether it is left.
+        // The path of a ghost is its owner's, who judges whether it is left.
         self.exchange(surface.nodes(), left);
         self.cloth.refit(surface.cloth(), &self.node_boxes, surface.groups());
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, proximity, paths);
             renumber.apply(left, 0);
+            renumber.apply(&mut self.path_ends, Vec3::zeros());
             renumber.renumber(found.iter_mut().flatten().flat_map(|pair| &mut pair.nodes));
             self.exchange(surface.nodes(), left);
         }
         if !surface.ranks().is_alone() {
             self.ghost_bvh.refit(&self.ghosts, &self.node_boxes, surface.groups());
         }
-        self.replace_pairs_of_marked(surface, left, found);
+        let searched = self.searched_paths(surface, paths, inflation);
+        self.replace_pairs_of_marked(&searched, left, found);
         renumber
     }
 
-    /// Replaces the pairs with a marked node by those whose boxes overlap.
-    fn replace_pairs_of_marked(&self, surface: &ContactSurface, marks: &[u8], found: &mut Vec<Vec<Pair>>) {
+    /// Replaces the pairs with a marked node by those that may meet.
+    fn replace_pairs_of_marked(&self, searched: &SearchedPaths<'_>, marks: &[u8], found: &mut Vec<Vec<Pair>>) {
         let concerned = |pair: &Pair| pair.nodes.iter().any(|node| marks[*node as usize] != 0);
         found.iter_mut().for_each(|piece| piece.retain(|pair| !concerned(pair)));
-        let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(concerned));
-        self.pairs_with(surface, marks, keep, found);
+        let keep = |pair: Pair, out: &mut Vec<Pair>| {
+            out.extend(Some(pair).filter(|pair| concerned(pair) && searched.may_meet(pair)));
+        };
+        self.pairs_with(searched.surface, marks, keep, found);
     }
 
-    /// Whether the pairs found last along paths hold for a node with this end.
-    pub(crate) fn covers(&self, node: u32, end: &Vec3) -> bool {
-        let (bounds, end) = (&self.node_boxes[node as usize], end - self.shift);
-        (0..3).all(|k| f64::from(bounds.min[k]) <= end[k] && end[k] <= f64::from(bounds.max[k]))
+    /// Whether the pairs found last along paths hold for a node that goes from `start` to `end` instead, up to `margin` [m] beside its path.
+    pub(crate) fn covers(&self, node: u32, [start, end]: [&Vec3; 2], margin: f64) -> bool {
+        let (end, path_end) = (end - self.shift, &self.path_ends[node as usize]);
+        let nearest = start + (path_end - start) * closest_on_segment(&end, start, path_end);
+        (end - nearest).norm_squared() <= margin * margin
     }
 
-    /// Brings the ghosts' boxes and marks to those of their owners.
+    /// Brings the ghosts' boxes, paths and marks to those of their owners.
     fn exchange(&mut self, nodes: &ContactNodes, mut marks: &mut [u8]) {
-        nodes.update_all(&mut [&mut self.node_boxes, &mut marks]);
+        nodes.update_all(&mut [&mut self.node_boxes, &mut self.path_ends, &mut marks]);
     }
 
     /// Adds what `keep` makes of every pair of this rank whose boxes overlap and of which one triangle has a marked node.
@@ -156,26 +200,30 @@ impl PairSearch {
         found: &mut Vec<Vec<Pair>>,
     ) {
         let [cloth, bodies, ghosts] = self.sides(surface);
-        let [marked, marked_bodies, marked_ghosts] = [cloth, bodies, ghosts].map(|side| side.tree_where(marks));
+        let [marked, marked_bodies, marked_ghosts] = [cloth, bodies, ghosts].map(|side| side.marked(marks));
         // Two marked triangles of cloth meet once; those of ghosts meet marked ones as the others do.
         let searches = [
-            (&marked, cloth, &cloth.fitted.tree),
-            (&marked, bodies, &bodies.fitted.tree),
-            (&marked, ghosts, &ghosts.fitted.tree),
-            (&cloth.fitted.tree, ghosts, &marked_ghosts),
-            (&cloth.fitted.tree, bodies, &marked_bodies),
+            (&marked.tree, cloth, &cloth.fitted.tree),
+            (&marked.tree, bodies, &bodies.fitted.tree),
+            (&marked.tree, ghosts, &ghosts.fitted.tree),
+            (&cloth.fitted.tree, ghosts, &marked_ghosts.tree),
+            (&cloth.fitted.tree, bodies, &marked_bodies.tree),
         ];
         let work = |search: usize, task: &PairTask| {
             let (tree, other, others) = searches[search];
-            // Leaves of the trees of marked triangles hold others too.
+            let triangles = |s: u32, t: u32| match search {
+                0..=2 => (marked.triangles[s as usize], t),
+                3 => (s, marked_ghosts.triangles[t as usize]),
+                _ => (s, marked_bodies.triangles[t as usize]),
+            };
             let is_new = |s: u32, t: u32| match search {
-                0 => cloth.has(s, marks) && (s < t || !cloth.has(t, marks)),
-                1 | 2 => cloth.has(s, marks),
-                3 => ghosts.has(t, marks) && !cloth.has(s, marks),
-                _ => bodies.has(t, marks) && !cloth.has(s, marks),
+                0 => s < t || !cloth.has(t, marks),
+                1 | 2 => true,
+                _ => !cloth.has(s, marks),
             };
             let mut out = Vec::new();
             tree.pairs_of(task, others, None, &mut |s, t| {
+                let (s, t) = triangles(s, t);
                 if is_new(s, t)
                     && cloth.overlaps(s, other, t)
                     && !surface.is_ignored(cloth.corners(s), other.corners(t))
@@ -201,13 +249,21 @@ impl Side<'_> {
         self.faces.triangles()[triangle as usize].iter().any(|node| marks[*node as usize] != 0)
     }
 
-    /// The tree in which only triangles with a marked node are anywhere.
-    fn tree_where(&self, marks: &[u8]) -> Bvh {
-        let mut tree = self.fitted.tree.clone();
-        let boxes = &self.fitted.triangle_boxes;
-        tree.refit(|t| if self.has(t, marks) { boxes[t as usize] } else { Aabb::EMPTY });
-        tree
+    /// The triangles with a marked node.
+    fn marked(&self, marks: &[u8]) -> MarkedTriangles {
+        let all = 0..self.faces.triangles().len() as u32;
+        let triangles: Vec<u32> = all.filter(|triangle| self.has(*triangle, marks)).collect();
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| self.fitted.triangle_boxes[*t as usize]).collect();
+        MarkedTriangles { triangles, tree: Bvh::build(&boxes) }
     }
+}
+
+/// Some triangles of a side.
+struct MarkedTriangles {
+    /// Their places in the side.
+    triangles: Vec<u32>,
+    /// A tree over them alone.
+    tree: Bvh,
 }
 
 /// Lays the paths and the proximity list out for other ghosts.

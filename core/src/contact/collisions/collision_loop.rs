@@ -159,11 +159,13 @@ impl CollisionLoop {
             let (surface, gap) = (&*collisions.surface, collisions.gap);
             let field = Kinematics { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
             let touched = response.respond(&field, attempt, detected, &mut self.displacements, metrics);
-            let covers = |node: u32, end: &Vec3| match source {
-                CandidateSource::Swept | CandidateSource::Renewed => search.covers(node, end),
-                CandidateSource::ProximityList => proximity.is_within_skin(node as usize, end, MARGIN),
-                CandidateSource::Both => {
-                    proximity.is_within_skin(node as usize, end, MARGIN) && search.covers(node, end)
+            let covers = |node: u32, path: [&Vec3; 2]| {
+                let is_within_skin = || proximity.is_within_skin(node as usize, path[1], MARGIN);
+                let is_searched = || search.covers(node, path, MARGIN * surface.edge_length()[node as usize]);
+                match source {
+                    CandidateSource::Swept | CandidateSource::Renewed => is_searched(),
+                    CandidateSource::ProximityList => is_within_skin(),
+                    CandidateSource::Both => is_within_skin() && is_searched(),
                 }
             };
             let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
@@ -264,12 +266,13 @@ impl CollisionLoop {
         nodes: &ContactNodes,
         touched: &[u32],
         paths: &mut NodePaths,
-        covers: impl Fn(u32, &Vec3) -> bool,
+        covers: impl Fn(u32, [&Vec3; 2]) -> bool,
     ) -> bool {
         self.recent.fill(0);
         let mut covered = true;
         for &node in touched {
-            if !covers(node, &self.note(node, paths)) {
+            let end = self.note(node, paths);
+            if !covers(node, [&paths.start[node as usize], &end]) {
                 (covered, self.left[node as usize]) = (false, 1);
             }
         }

@@ -98,6 +98,31 @@ impl Pair {
         least > 0.0 && least * least > distance * distance * along.norm_squared()
     }
 
+    /// Whether a direction proves that the two stay farther apart than `distance` [m] wherever each node is between its two positions, not
+    /// only where all have gone the same share of their paths. Tried are the direction between the middles and, of the first positions, the
+    /// one between the closest points.
+    pub(crate) fn is_beyond_between(&self, paths: [&[Vec3; 4]; 2], distance: f64) -> bool {
+        let proves = |along: &Vec3| {
+            let least = self.least_between(paths, along);
+            least > 0.0 && least * least > distance * distance * along.norm_squared()
+        };
+        let [start, end] = paths.map(|x| self.corners(x).iter().sum::<Vec3>());
+        proves(&(start + end)) || proves(&self.closest(paths[0]).apart)
+    }
+
+    /// Least component along a direction of what leads from the second primitive to the first, with each node anywhere between its two
+    /// positions.
+    #[inline]
+    fn least_between(&self, [start, end]: [&[Vec3; 4]; 2], along: &Vec3) -> f64 {
+        let heights: [[f64; 2]; 4] = std::array::from_fn(|n| [start[n].dot(along), end[n].dot(along)]);
+        let (first, second) = heights.split_at(match self.kind {
+            PairKind::PointTriangle => 1,
+            PairKind::EdgeEdge => 2,
+        });
+        let lowest = first.iter().flatten().copied().fold(f64::INFINITY, f64::min);
+        lowest - second.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// A bound from below on the distance of the pair with its nodes at `x` [m]: the one along a unit direction from the second primitive
     /// to the first.
     #[inline]
@@ -166,5 +191,31 @@ mod tests {
             exact += usize::from((pair.distance_along(&at, &axis) - distance).abs() < 1e-9);
         }
         assert_eq!(exact, 2000);
+    }
+
+    #[test]
+    fn pairs_beyond_a_distance_between_two_positions_are_beyond_it_wherever_their_nodes_stop() {
+        let mut random = SplitMix64::new(92);
+        let (mut proven, mut together) = (0, 0);
+        for round in 0..4000 {
+            let pair = Pair { kind: KINDS[round % 2], nodes: [0, 1, 2, 3] };
+            let start = [0.0, 1.4, 1.4, 1.4].map(|apart| random.vector() + Vec3::x() * apart);
+            let end = start.map(|x| x + random.vector() * 0.5);
+            let distance = 0.2;
+            if !pair.is_beyond_between([&start, &end], distance) {
+                continue;
+            }
+            proven += 1;
+            for _ in 0..20 {
+                let mut at = start;
+                for (x, end) in at.iter_mut().zip(&end) {
+                    *x += (end - *x) * random.unit();
+                }
+                assert!(pair.closest(&at).apart.norm() > distance, "{start:?} {end:?} {at:?}");
+            }
+            together += usize::from(pair.is_beyond_on_paths([&start, &end], distance));
+        }
+        // It asks for more than paths that all nodes follow alike.
+        assert!(proven > 200 && together > proven / 2, "{proven} {together}");
     }
 }

@@ -98,11 +98,13 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
         let rest_angle = if flat { 0.0 } else { Shape::at(vertices.map(at)).angle() };
         Element { vertices, rest_angle, row: Vec::new() }
     };
-    let mut elements: Vec<Element> = mesh.hinges().iter().map(element).collect();
-    for (triangle, known) in angles_of_triangles(mesh).iter().enumerate() {
+    let hinges = mesh.hinges();
+    let mut elements: Vec<Element> = hinges.iter().map(element).collect();
+    for (triangle, known) in angles_of_triangles(mesh, &hinges).iter().enumerate() {
         // A triangle that shares no edge, such as a button, has no angle to hold.
         let Some(rigidity) = rigidity(triangle).filter(|_| !known.is_empty()) else { continue };
-        let moments = moments_of_triangle(mesh, triangle, known, rigidity);
+        let around: Vec<Hinge> = known.iter().map(|number| hinges[*number as usize]).collect();
+        let moments = moments_of_triangle(mesh, triangle, &around, rigidity);
         for (a, hinge) in known.iter().enumerate() {
             for (b, other) in known.iter().enumerate() {
                 add(&mut elements[*hinge as usize].row, *other, moments[(a, b)]);
@@ -125,13 +127,13 @@ fn add(row: &mut Vec<(u32, f64)>, other: u32, moment: f64) {
     }
 }
 
-/// The hinges of each triangle, ascending; of several at one edge, which more than two triangles share, the first.
-fn angles_of_triangles(mesh: &TriangleMesh) -> Vec<Vec<u32>> {
+/// The hinges of each triangle by their numbers, ascending; of several at one edge, which more than two triangles share, the first.
+fn angles_of_triangles(mesh: &TriangleMesh, hinges: &[Hinge]) -> Vec<Vec<u32>> {
     let mut known: Vec<Vec<u32>> = vec![Vec::new(); mesh.triangles().len()];
-    for (number, hinge) in mesh.hinges().iter().enumerate() {
+    for (number, hinge) in hinges.iter().enumerate() {
         for triangle in hinge.triangles {
             let known = &mut known[triangle as usize];
-            if known.last().is_none_or(|last| mesh.hinges()[*last as usize].edge != hinge.edge) {
+            if known.last().is_none_or(|last| hinges[*last as usize].edge != hinge.edge) {
                 known.push(number as u32);
             }
         }
@@ -140,10 +142,9 @@ fn angles_of_triangles(mesh: &TriangleMesh) -> Vec<Vec<u32>> {
 }
 
 /// `A (M C⁻¹ Mᵀ)⁻¹` of a triangle with these hinges [N·m per rad].
-fn moments_of_triangle(mesh: &TriangleMesh, triangle: usize, hinges: &[u32], rigidity: Rigidity) -> DMatrix<f64> {
+fn moments_of_triangle(mesh: &TriangleMesh, triangle: usize, hinges: &[Hinge], rigidity: Rigidity) -> DMatrix<f64> {
     let count = hinges.len();
-    let rows: Vec<[f64; 3]> =
-        hinges.iter().map(|h| angle_of_curvature(mesh, triangle, &mesh.hinges()[*h as usize])).collect();
+    let rows: Vec<[f64; 3]> = hinges.iter().map(|hinge| angle_of_curvature(mesh, triangle, hinge)).collect();
     let mut flexibility = DMatrix::from_fn(count, count, |a, b| {
         (0..3).map(|c| rows[a][c] * rows[b][c] / rigidity.components[c]).sum::<f64>()
     });
@@ -205,8 +206,10 @@ fn axes(mesh: &TriangleMesh, triangle: usize) -> [Vec3; 2] {
 /// Energy of a triangle that has all its angles, at these angles of the mesh [J].
 #[cfg(test)]
 pub(super) fn triangle_energy(mesh: &TriangleMesh, triangle: usize, rigidity: Rigidity, angles: &[f64]) -> Option<f64> {
-    let known = angles_of_triangles(mesh).swap_remove(triangle);
-    let moments = moments_of_triangle(mesh, triangle, &known, rigidity);
+    let hinges = mesh.hinges();
+    let known = angles_of_triangles(mesh, &hinges).swap_remove(triangle);
+    let around: Vec<Hinge> = known.iter().map(|number| hinges[*number as usize]).collect();
+    let moments = moments_of_triangle(mesh, triangle, &around, rigidity);
     let pairs = (0..known.len()).flat_map(|a| (0..known.len()).map(move |b| (a, b)));
     let at = |n: usize| angles[known[n] as usize];
     (known.len() == 3).then(|| 0.5 * pairs.map(|(a, b)| at(a) * moments[(a, b)] * at(b)).sum::<f64>())

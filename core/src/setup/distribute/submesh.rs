@@ -80,9 +80,10 @@ impl SubMesh {
         let numbers = |v: &u32| VertexNumbers { scene: number(*v), garment: parts.own_numbers()[first + *v as usize] };
         let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
+        let hinges = mesh.hinges();
         for _ in 0..halo_width(&scene.description, garment) {
             let near = here.clone();
-            for hinge in mesh.hinges() {
+            for hinge in &hinges {
                 let [a, b] = hinge.triangles.map(|t| t as usize);
                 (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
             }

@@ -1,7 +1,9 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::contact::broad_phase::swept_search::Inflation;
 use crate::contact::ccd;
+use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::pair::KINDS;
 use crate::geometry::random::SplitMix64;
 use crate::mesh::PolygonMesh;
@@ -159,4 +161,45 @@ fn a_search_along_paths_meets_all_that_collides() {
         assert!(contact.is_none() || found.binary_search(&pair).is_ok(), "{pair:?}");
     }
     assert!(collide > 100, "they collide: {collide}");
+}
+
+#[test]
+fn a_search_along_paths_holds_for_nodes_that_stop_anywhere_on_their_paths() {
+    let inflation = Inflation { gap: 1e-5, margin: 0.02 };
+    let mut random = SplitMix64::new(94);
+    let (scene, start) = crumpled(&mut random);
+    let mut surface = ContactSurface::new(&scene, 0.4);
+    let (mut search, mut proximity) = (PairSearch::new(), ProximityList::new(&surface));
+    let end: Vec<Vec3> = start.iter().map(|x| x + random.vector() * 0.02).collect();
+    let mut paths = NodePaths { start: start.clone(), end: end.clone() };
+    let mut pieces = Vec::new();
+    search.swept_pairs(&mut surface, &mut proximity, &mut paths, inflation, &mut pieces);
+    let mut found = pieces.concat();
+    found.sort_unstable();
+    let all = search.pieces_of_pairs(&surface, |_, count: &mut usize| *count += 1, &|_| ()).iter().sum::<usize>();
+    assert!(10 * found.len() < 9 * all, "{} of {all} pairs whose boxes overlap may meet", found.len());
+    let edge = surface.edge_length();
+    let mut collide = 0;
+    for round in 0..5 {
+        // Somewhere on the path, or a little beside it.
+        let mut stop = |i: usize| {
+            let beside = random.vector().normalize() * 0.999 * inflation.margin * edge[i];
+            start[i].lerp(&end[i], random.unit()) + beside * f64::from(round % 2)
+        };
+        let stops: Vec<Vec3> = (0..start.len()).map(&mut stop).collect();
+        let covers = |i: usize, end: &Vec3| search.covers(i as u32, [&start[i], end], inflation.margin * edge[i]);
+        assert!(stops.iter().enumerate().all(|(i, end)| covers(i, end)));
+        let farther = |i: usize| end[i] + (end[i] - start[i]).normalize() * 1.001 * inflation.margin * edge[i];
+        assert!((0..start.len()).all(|i| !covers(i, &farther(i))));
+        for pair in all_pairs(&surface) {
+            let ends = [&start, &stops].map(|x| pair.positions(x));
+            let contact = match pair.kind {
+                PairKind::PointTriangle => ccd::point_triangle(&ends[0], &ends[1], inflation.gap),
+                PairKind::EdgeEdge => ccd::edge_edge(&ends[0], &ends[1], inflation.gap),
+            };
+            collide += usize::from(contact.is_some());
+            assert!(contact.is_none() || found.binary_search(&pair).is_ok(), "{pair:?}");
+        }
+    }
+    assert!(collide > 500, "they collide: {collide}");
 }
