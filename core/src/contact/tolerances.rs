@@ -14,6 +14,10 @@ pub(crate) const CCD_ROUNDS: usize = 64;
 /// micrometre at the gap of the solver. Smaller costs rounds. Guarded by `a_contact_is_at_the_gap`.
 pub(crate) const CCD_CLOSE_ENOUGH: f64 = 1e-3;
 
+/// Pairs that stay farther apart than this many gaps are no candidates of collisions: ten times the excess of [`CCD_CLOSE_ENOUGH`] covers that
+/// and the rounding of positions. Guarded by `a_search_along_paths_holds_for_nodes_that_stop_anywhere_on_their_paths`.
+pub(crate) const BEYOND_GAP: f64 = 1.0 + 10.0 * CCD_CLOSE_ENOUGH;
+
 /// Smallest and largest size of a query \[m\] that is computed as it is: the sixth power of lengths must be an ordinary
 /// `f64`. Others are scaled by these powers of two, 2⁻¹⁰⁰ and 2¹⁰⁰. Guarded by
 /// `tiny_and_huge_queries_are_answered_like_ordinary_ones`.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
 use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::contact::tolerances::BEYOND_GAP;
 use crate::contact::topology::nodes::NodePaths;
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
@@ -15,9 +16,6 @@ use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
 use crate::geometry::distance::closest_on_segment;
-
-/// Distance that pairs left out keep, in gaps: detection reports contacts up to a thousandth of the gap farther.
-const BEYOND_GAP: f64 = 1.01;
 
 /// Distance from the path of a node within which it may meet something: so far [m], and this share of its edges.
 #[derive(Debug, Clone, Copy)]
@@ -44,7 +42,7 @@ impl Inflation {
     }
 }
 
-/// Paths that were searched: what tells pairs that may meet on them.
+/// The paths searched last.
 struct SearchedPaths<'a> {
     surface: &'a ContactSurface,
     start: &'a [Vec3],
@@ -126,7 +124,7 @@ impl PairSearch {
         renumber
     }
 
-    /// The paths searched last.
+    /// Returns the paths searched last.
     fn searched_paths<'a>(
         &'a self,
         surface: &'a ContactSurface,
