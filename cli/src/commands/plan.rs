@@ -68,8 +68,7 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &effects::text(shot.simulation(), costs);
     text += &contacts::text(shot.simulation().scene().description());
     text += &curves_text(shot.simulation().scene().description());
-    let (state, effects) = bytes(shot);
-    text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
+    text += &memory_text(shot);
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
     for file in shot.referred_files() {
@@ -125,9 +124,32 @@ fn scene_text(shot: &Shot) -> String {
     text
 }
 
-fn bytes(shot: &Shot) -> (usize, usize) {
-    let simulation = shot.simulation();
-    (simulation.bytes(), simulation.plan().iter().map(|effect| effect.bytes).sum())
+/// Memory of the simulation [bytes].
+struct Bytes {
+    /// State and arrays of a step.
+    state: usize,
+    effects: usize,
+    /// The whole process, which has everything that a step begins with, where the system tells.
+    resident: Option<u64>,
+    /// List of close pairs where layers lie on each other, which the first step finds.
+    pairs: usize,
+}
+
+impl Bytes {
+    fn of(shot: &Shot) -> Self {
+        let simulation = shot.simulation();
+        let effects = simulation.plan().iter().map(|effect| effect.bytes).sum();
+        let (state, pairs) = (simulation.bytes(), simulation.pair_list_bytes());
+        Self { state, effects, resident: drapery_io::memory::resident_bytes(), pairs }
+    }
+}
+
+fn memory_text(shot: &Shot) -> String {
+    let Bytes { state, effects, resident, pairs } = Bytes::of(shot);
+    let resident = resident.map(|bytes| format!("; {} resident", mebibytes(bytes as usize))).unwrap_or_default();
+    let pairs =
+        if pairs > 0 { format!("; {} more where layers lie on each other", mebibytes(pairs)) } else { String::new() };
+    format!("memory: {} state and scratch, {} effects{resident}{pairs}\n", mebibytes(state), mebibytes(effects))
 }
 
 fn mebibytes(bytes: usize) -> String {
@@ -200,7 +222,7 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         let bytes = bytes_per_sample;
         json!({"name": name, "garment": garment, "points": points, "triangles": triangles, "bytes_per_sample": bytes})
     });
-    let (state, of_effects) = bytes(shot);
+    let Bytes { state, effects: of_effects, resident, pairs } = Bytes::of(shot);
     let rest = json!({
         "shot": shot.name(),
         "frames": shot.frames(),
@@ -209,7 +231,7 @@ pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
         "garments": garments,
         "render_meshes": render_meshes.collect::<Vec<_>>(),
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
-        "bytes": {"state": state, "effects": of_effects},
+        "bytes": {"state": state, "effects": of_effects, "resident": resident, "pairs": pairs},
         "formats": shot.output().formats,
         "attributes": attributes_json(shot),
         "faces": if shot.output().triangles { "triangles" } else { "original" },

@@ -368,6 +368,12 @@ impl Simulation {
         2 * self.cloth.state.x.len() * size_of::<Vec3>() + self.cloth.scratch.bytes()
     }
 
+    /// Memory of the list of close pairs of cloth where layers lie on each other, which is found only in a step, on this rank [bytes]; zero
+    /// without self-contact.
+    pub fn pair_list_bytes(&self) -> usize {
+        self.contacts.cloth.as_ref().map_or(0, SelfContact::bytes_in_heap)
+    }
+
     /// Largest step that the elastic forces allow [s].
     pub fn elastic_step(&self) -> f64 {
         self.limit.elastic

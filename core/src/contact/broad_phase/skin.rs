@@ -3,6 +3,7 @@
 //! In a heap the pairs of a list grow with the cube of its reach, and with them all that is done with it, so that a short list
 //! that is often made anew costs less than a long one that lasts.
 
+use crate::contact::broad_phase::candidate_pair::KeptPair;
 use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::scene::RepulsionPlace;
 
@@ -35,6 +36,11 @@ const LASTING: f64 = 4.0;
 
 /// Pairs per vertex that it is to have at most: two layers that lie flat on each other have a third of it.
 const CROWDED: f64 = 40.0;
+
+/// Memory of a list over so many vertices where layers lie on each other [bytes].
+pub(crate) fn bytes_in_heap(vertices: usize) -> usize {
+    vertices * CROWDED as usize * size_of::<KeptPair>()
+}
 
 /// Reach of a list that is made now and is to last, as a share of a node's edges, where a node goes `displacement` of them in a collision
 /// step; `None` where it would not last, and is made around predicted paths.

@@ -185,6 +185,11 @@ impl SelfContact {
         self.surface.bytes() + self.search.bytes() + self.proximity.bytes() + repulsions + nodes
     }
 
+    /// Memory that the proximity list takes where layers lie on each other [bytes].
+    pub(crate) fn bytes_in_heap(&self) -> usize {
+        skin::bytes_in_heap(self.surface.nodes().own().len())
+    }
+
     /// True if the scene has self-repulsion.
     pub(crate) fn repels(&self) -> bool {
         self.repulsions.is_some()
