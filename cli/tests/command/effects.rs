@@ -95,6 +95,9 @@ fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
         "friction: on, because cloth on cloth has friction 0.4",
         "without self_collision: left out of this run",
         "list of close pairs: for self_repulsion",
+        " effects; ",
+        " resident; ",
+        " more where layers lie on each other",
         "per frame: at least ",
         " time steps, required by the stiffness of `stretch` of garment \"sheet\"; --measure simulates",
     ] {
@@ -104,6 +107,12 @@ fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
     let unmeasured: Value = serde_json::from_str(&unmeasured).unwrap();
     let claims = [&unmeasured["frame"]["seconds"], &unmeasured["effects"][0]["share"]];
     assert!(claims.iter().all(|claim| claim.is_null()) && !text.contains('%'), "nothing is claimed: {unmeasured:#}");
+    let bytes = |of: &Value, what: &str| of["bytes"][what].as_u64().unwrap();
+    let [state, effects, resident, pairs] = ["state", "effects", "resident", "pairs"].map(|of| bytes(&unmeasured, of));
+    assert!(resident > state + effects && pairs == 40 * 24 * vertices(&unmeasured), "{unmeasured:#}");
+    let alone = ["plan", "scene.toml", "--json", "--without", "self_collision", "--without", "self_repulsion"];
+    let alone: Value = serde_json::from_str(&drapery(folder.path(), &alone).stdout).unwrap();
+    assert_eq!(bytes(&alone, "pairs"), 0);
     let outcome = drapery(folder.path(), &["plan", "scene.toml", "--json", "--measure=2"]);
     let plan: Value = serde_json::from_str(&outcome.stdout).unwrap_or_else(|e| panic!("{e}\n{}", outcome.stderr));
     let effects = plan["effects"].as_array().unwrap();
@@ -121,6 +130,11 @@ fn the_plan_says_why_every_effect_is_there_what_it_holds_and_what_it_takes() {
         assert_eq!(refused.code, Some(2), "{}", refused.stderr);
         assert!(refused.stderr.contains("write --measure=2"), "{}", refused.stderr);
     }
+}
+
+/// Vertices of all garments of a plan.
+fn vertices(plan: &Value) -> u64 {
+    plan["garments"].as_array().unwrap().iter().map(|garment| garment["points"].as_u64().unwrap()).sum()
 }
 
 #[test]
