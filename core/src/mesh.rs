@@ -284,8 +284,8 @@ impl TriangleMesh {
         let at = |i: u32| rest_positions[i as usize];
         let rest_areas: Vec<f64> =
             triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm()).collect();
-        let ends = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-        let mut edges: Vec<Edge> = ends.map(|[p, q]| Edge { vertices: [p.min(q), p.max(q)] }).collect();
+        let mut edges: Vec<Edge> =
+            sides(triangles.iter().copied()).map(|[p, q, _]| Edge { vertices: [p, q] }).collect();
         edges.sort_unstable();
         edges.dedup();
         edges.shrink_to_fit();
@@ -293,7 +293,7 @@ impl TriangleMesh {
     }
 
     /// The sides of each triangle with the triangle and its opposite corner, those of an edge together, in the order of the edges.
-    fn sides(&self) -> Vec<([u32; 2], u32, u32)> {
+    fn sides_by_edge(&self) -> Vec<([u32; 2], u32, u32)> {
         let mut sides: Vec<([u32; 2], u32, u32)> = Vec::with_capacity(3 * self.triangles.len());
         for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
             for (p, q, opposite) in [(a, b, c), (b, c, a), (c, a, b)] {
@@ -319,10 +319,10 @@ impl TriangleMesh {
         &self.edges
     }
 
-    /// Every pair of triangles that share an edge, also where more than two meet, ascending by edge. They are found anew: only the setup
+    /// Every pair of triangles that share an edge, also where more than two meet, ascending by edge. They are found anew: no step
     /// needs them.
     pub fn hinges(&self) -> Vec<Hinge> {
-        let sides = self.sides();
+        let sides = self.sides_by_edge();
         let mut hinges = Vec::with_capacity(sides.len() / 2);
         for (edge, group) in (0..).zip(sides.chunk_by(|a, b| a.0 == b.0)) {
             for (i, first) in group.iter().enumerate() {
@@ -363,10 +363,10 @@ impl TriangleMesh {
         &self.rest_areas
     }
 
-    /// Sum of the rest areas of the triangles at each edge [m²]. They are summed anew: only the setup needs them.
+    /// Sum of the rest areas of the triangles at each edge [m²]. They are summed anew: no step needs them.
     pub fn edge_areas(&self) -> Vec<f64> {
         let area = |group: &[([u32; 2], u32, u32)]| group.iter().map(|(_, t, _)| self.rest_areas[*t as usize]).sum();
-        self.sides().chunk_by(|a, b| a.0 == b.0).map(area).collect()
+        self.sides_by_edge().chunk_by(|a, b| a.0 == b.0).map(area).collect()
     }
 
     /// Rest length of an edge [m].

@@ -9,8 +9,7 @@ use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
 use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::contact::tolerances::BEYOND_GAP;
-use crate::contact::topology::nodes::NodePaths;
-use crate::contact::topology::nodes::{ContactNodes, IndexMap};
+use crate::contact::topology::nodes::{ContactNodes, IndexMap, NodePaths};
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
@@ -76,7 +75,11 @@ impl PairSearch {
         // Those found before are not in memory beside them.
         found.clear();
         let searched = self.searched_paths(surface, paths, inflation);
-        let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(|pair| searched.may_meet(pair)));
+        let keep = |pair: Pair, out: &mut Vec<Pair>| {
+            if searched.may_meet(&pair) {
+                out.push(pair);
+            }
+        };
         *found = self.pieces_of_pairs(surface, keep, &Vec::shrink_to_fit);
         renumber
     }
@@ -172,7 +175,9 @@ impl PairSearch {
         let concerned = |pair: &Pair| pair.nodes.iter().any(|node| marks[*node as usize] != 0);
         found.iter_mut().for_each(|piece| piece.retain(|pair| !concerned(pair)));
         let keep = |pair: Pair, out: &mut Vec<Pair>| {
-            out.extend(Some(pair).filter(|pair| concerned(pair) && searched.may_meet(pair)));
+            if concerned(&pair) && searched.may_meet(&pair) {
+                out.push(pair);
+            }
         };
         self.pairs_with(searched.surface, marks, keep, found);
     }

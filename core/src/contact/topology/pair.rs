@@ -85,7 +85,7 @@ impl Pair {
         let corners = self.corners(x);
         let along = corners[0] + corners[1] + corners[2] + corners[3];
         let least = least_along(&corners, &along);
-        least > 0.0 && least * least > distance * distance * along.norm_squared()
+        is_farther(least, &along, distance)
     }
 
     /// The same everywhere on straight paths between two positions of the nodes: what is on one side of a plane at both ends is so between.
@@ -95,17 +95,14 @@ impl Pair {
         let [[a, b, c, d], [e, f, g, h]] = corners;
         let along = (a + b + c + d) + (e + f + g + h);
         let least = least_along(&corners[0], &along).min(least_along(&corners[1], &along));
-        least > 0.0 && least * least > distance * distance * along.norm_squared()
+        is_farther(least, &along, distance)
     }
 
     /// Whether a direction proves that the two stay farther apart than `distance` [m] wherever each node is between its two positions, not
     /// only where all have gone the same share of their paths. Tried are the direction between the middles and, of the first positions, the
     /// one between the closest points.
     pub(crate) fn is_beyond_between(&self, paths: [&[Vec3; 4]; 2], distance: f64) -> bool {
-        let proves = |along: &Vec3| {
-            let least = self.least_between(paths, along);
-            least > 0.0 && least * least > distance * distance * along.norm_squared()
-        };
+        let proves = |along: &Vec3| is_farther(self.least_between(paths, along), along, distance);
         let [start, end] = paths.map(|x| self.corners(x).iter().sum::<Vec3>());
         proves(&(start + end)) || proves(&self.closest(paths[0]).apart)
     }
@@ -164,6 +161,12 @@ impl Pair {
             PairKind::EdgeEdge => [combine(a, b), combine(c, d)],
         }
     }
+}
+
+/// Whether a component `least` along a direction of any length is more than `distance` [m].
+#[inline]
+fn is_farther(least: f64, along: &Vec3, distance: f64) -> bool {
+    least > 0.0 && least * least > distance * distance * along.norm_squared()
 }
 
 /// Least component of four vectors along a direction.

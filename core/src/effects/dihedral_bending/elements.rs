@@ -103,8 +103,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
     for (triangle, known) in angles_of_triangles(mesh, &hinges).iter().enumerate() {
         // A triangle that shares no edge, such as a button, has no angle to hold.
         let Some(rigidity) = rigidity(triangle).filter(|_| !known.is_empty()) else { continue };
-        let around: Vec<Hinge> = known.iter().map(|number| hinges[*number as usize]).collect();
-        let moments = moments_of_triangle(mesh, triangle, &around, rigidity);
+        let moments = moments_of_triangle((mesh, &hinges), triangle, known, rigidity);
         for (a, hinge) in known.iter().enumerate() {
             for (b, other) in known.iter().enumerate() {
                 add(&mut elements[*hinge as usize].row, *other, moments[(a, b)]);
@@ -141,10 +140,16 @@ fn angles_of_triangles(mesh: &TriangleMesh, hinges: &[Hinge]) -> Vec<Vec<u32>> {
     known
 }
 
-/// `A (M C⁻¹ Mᵀ)⁻¹` of a triangle with these hinges [N·m per rad].
-fn moments_of_triangle(mesh: &TriangleMesh, triangle: usize, hinges: &[Hinge], rigidity: Rigidity) -> DMatrix<f64> {
-    let count = hinges.len();
-    let rows: Vec<[f64; 3]> = hinges.iter().map(|hinge| angle_of_curvature(mesh, triangle, hinge)).collect();
+/// `A (M C⁻¹ Mᵀ)⁻¹` of a triangle with the hinges `known` of a mesh [N·m per rad].
+fn moments_of_triangle(
+    (mesh, hinges): (&TriangleMesh, &[Hinge]),
+    triangle: usize,
+    known: &[u32],
+    rigidity: Rigidity,
+) -> DMatrix<f64> {
+    let count = known.len();
+    let rows: Vec<[f64; 3]> =
+        known.iter().map(|number| angle_of_curvature(mesh, triangle, &hinges[*number as usize])).collect();
     let mut flexibility = DMatrix::from_fn(count, count, |a, b| {
         (0..3).map(|c| rows[a][c] * rows[b][c] / rigidity.components[c]).sum::<f64>()
     });
@@ -208,8 +213,7 @@ fn axes(mesh: &TriangleMesh, triangle: usize) -> [Vec3; 2] {
 pub(super) fn triangle_energy(mesh: &TriangleMesh, triangle: usize, rigidity: Rigidity, angles: &[f64]) -> Option<f64> {
     let hinges = mesh.hinges();
     let known = angles_of_triangles(mesh, &hinges).swap_remove(triangle);
-    let around: Vec<Hinge> = known.iter().map(|number| hinges[*number as usize]).collect();
-    let moments = moments_of_triangle(mesh, triangle, &around, rigidity);
+    let moments = moments_of_triangle((mesh, &hinges), triangle, &known, rigidity);
     let pairs = (0..known.len()).flat_map(|a| (0..known.len()).map(move |b| (a, b)));
     let at = |n: usize| angles[known[n] as usize];
     (known.len() == 3).then(|| 0.5 * pairs.map(|(a, b)| at(a) * moments[(a, b)] * at(b)).sum::<f64>())

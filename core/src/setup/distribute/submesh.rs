@@ -80,8 +80,9 @@ impl SubMesh {
         let numbers = |v: &u32| VertexNumbers { scene: number(*v), garment: parts.own_numbers()[first + *v as usize] };
         let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
-        let hinges = mesh.hinges();
-        for _ in 0..halo_width(&scene.description, garment) {
+        let width = halo_width(&scene.description, garment);
+        let hinges = if width > 0 { mesh.hinges() } else { Vec::new() };
+        for _ in 0..width {
             let near = here.clone();
             for hinge in &hinges {
                 let [a, b] = hinge.triangles.map(|t| t as usize);
