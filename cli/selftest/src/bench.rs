@@ -35,9 +35,10 @@ const SHARE_OF_STEP_ERROR: f64 = 0.05;
 const COMPARED: i64 = 8;
 
 /// Counts that say that something was not as it should be although they are no limits.
-const NOTED: [&str; 11] = [
+const NOTED: [&str; 12] = [
     "body_inside_out",
     "body_squeezed",
+    "zones_carried",
     "zones_rigid",
     "crossings_reverted",
     "collision_steps_shortened",

@@ -65,6 +65,14 @@ pub(crate) const GAP_ROUNDINGS: f64 = 4.0;
 /// `a_pair_that_starts_too_close_is_opened_to_the_gap`.
 pub(crate) const OPEN_GAP: f64 = 2.0;
 
+/// Share of the gap by which prescribed nodes may miss the motion of the zone that follows them. Guarded by
+/// `a_zone_follows_what_is_prescribed_until_that_parts`.
+pub(crate) const CARRIED: f64 = 0.05;
+
+/// Share of the spread of prescribed nodes, in squared lengths, up to which they lie on a plane, a line or a point. Guarded by
+/// `a_zone_is_carried_as_what_is_prescribed_moves`.
+pub(crate) const CARRIED_SPREAD: f64 = 1e-6;
+
 /// A pair that starts closer than the gap may come this much closer, but not meet. Guarded by
 /// `a_pair_that_starts_too_close_is_opened_to_the_gap`.
 pub(crate) const CLOSER_THAN_GAP: f64 = 0.9;

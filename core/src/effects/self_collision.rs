@@ -52,6 +52,7 @@ pub static SPEC: EffectSpec = EffectSpec {
             "zones_large",
             "zone_nodes",
             "zone_sweeps",
+            "zones_carried",
             "zones_rigid",
             "zone_fallbacks",
             "pairs_pinched",

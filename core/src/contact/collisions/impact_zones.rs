@@ -11,6 +11,7 @@ use crate::contact::collisions::impulse::Constraint;
 use crate::contact::collisions::union_find::UnionFind;
 use crate::contact::collisions::zone_solvers;
 use crate::contact::collisions::zone_solvers::ZoneNode;
+use crate::contact::tolerances::CARRIED;
 use crate::contact::topology::pair::Pair;
 use crate::metrics::Metrics;
 
@@ -65,6 +66,8 @@ pub(crate) struct Motion {
 pub(crate) enum Action {
     /// Everything may slide, but nothing approach.
     Inelastic,
+    /// It follows what is prescribed in it.
+    Carry,
     /// It moves as one body.
     Rigid,
     /// It stays where it was.
@@ -78,9 +81,9 @@ pub(crate) struct Solved {
     pub displacements: Vec<Vec3>,
     /// Passes over the pairs.
     pub passes: u64,
-    /// Whether the pairs contradict each other, as between bodies that close: impulses then grow without end. Such a
-    /// zone stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
-    pub contradicts: bool,
+    /// Whether the action did not do. Inelastic: the pairs contradict each other, as between bodies that close, and impulses
+    /// grow without end; the zone stays as it was. Carry: what is prescribed does not move alike, and pairs may still meet.
+    pub fails: bool,
 }
 
 /// Pairs that hang together.
@@ -90,12 +93,14 @@ pub(crate) struct Zone {
     pub nodes: Vec<u32>,
     /// Its pairs, each with the attempt in which it met; ascending by attempt and pair.
     pub collisions: Vec<(u32, Collision)>,
-    /// The nodes that last moved as one body, ascending; none if they did not.
+    /// The nodes that last moved as one body, or with what is prescribed, ascending; none if they did not.
     pub rigid: Vec<u32>,
     /// Whether it has let go of what is prescribed, because its pairs contradicted each other.
     pub has_released_prescribed: bool,
-    /// Whether its pairs contradict each other though nothing in them is prescribed.
+    /// Whether its pairs contradict each other, so that it has to follow what is prescribed, or be rigid if nothing is.
     pub contradicts: bool,
+    /// Whether it has followed what is prescribed, which did not move alike.
+    pub was_carried: bool,
 }
 
 impl Zone {
@@ -107,10 +112,16 @@ impl Zone {
         members
     }
 
-    /// Applies the action to the members, which move like `motions`, and returns the outcome.
-    pub(crate) fn solve(&self, action: Action, members: &[u32], motions: &[Motion]) -> Solved {
+    /// Whether one of its pairs has a prescribed node.
+    pub(crate) fn has_prescribed(&self) -> bool {
+        self.collisions.iter().any(|(_, collision)| collision.has_prescribed())
+    }
+
+    /// Applies the action to the members, which move like `motions`, and returns the outcome; `gap` is the distance that all
+    /// pairs keep [m].
+    pub(crate) fn solve(&self, action: Action, members: &[u32], motions: &[Motion], gap: f64) -> Solved {
         let mut displacements: Vec<Vec3> = motions.iter().map(|motion| motion.displacement).collect();
-        let (mut passes, mut contradicts) = (0, false);
+        let (mut passes, mut fails) = (0, false);
         match action {
             Action::Inelastic => {
                 let place = |node: u32| members.partition_point(|member| *member < node) as u32;
@@ -124,18 +135,22 @@ impl Zone {
                 let outcome = zone_solvers::inelastic(&constraints, &targets, &mobility, &mut displacements);
                 passes = outcome.iterations as u64;
                 if !outcome.converged {
-                    contradicts = true;
+                    fails = true;
                     displacements = motions.iter().map(|motion| motion.displacement).collect();
                 }
             }
-            Action::Rigid => {
+            Action::Carry | Action::Rigid => {
                 let node = |&Motion { start, displacement, mobility }: &Motion| ZoneNode {
                     start,
                     end: start + displacement,
                     mobility,
                 };
                 let mut nodes: Vec<ZoneNode> = motions.iter().map(node).collect();
-                zone_solvers::rigid(&mut nodes);
+                if action == Action::Carry {
+                    fails = zone_solvers::carried(&mut nodes) > CARRIED * gap;
+                } else {
+                    zone_solvers::rigid(&mut nodes);
+                }
                 displacements = nodes.iter().map(|node| node.end - node.start).collect();
             }
             Action::Freeze => {
@@ -144,18 +159,24 @@ impl Zone {
                 }
             }
         }
-        Solved { displacements, passes, contradicts }
+        Solved { displacements, passes, fails }
     }
 
-    /// Notes what came out of an action.
-    pub(crate) fn note(&mut self, action: Action, contradicts: bool) {
-        self.rigid = if action == Action::Rigid { self.members() } else { Vec::new() };
-        if contradicts {
-            let before = self.collisions.len();
+    /// Notes the outcome of an action.
+    pub(crate) fn note(&mut self, action: Action, fails: bool) {
+        let is_one_body = matches!(action, Action::Carry | Action::Rigid) && !fails;
+        self.rigid = if is_one_body { self.members() } else { Vec::new() };
+        if !fails {
+            return;
+        }
+        if action == Action::Carry {
+            // Near to where it may be: an inelastic solve from there has another chance.
+            (self.was_carried, self.contradicts) = (true, false);
+        } else if self.was_carried && self.has_prescribed() {
             self.collisions.retain(|(_, collision)| !collision.has_prescribed());
-            let lets_go = self.collisions.len() < before;
-            self.has_released_prescribed |= lets_go;
-            self.contradicts |= !lets_go;
+            self.has_released_prescribed = true;
+        } else {
+            self.contradicts = true;
         }
     }
 
@@ -169,6 +190,7 @@ impl Zone {
         self.rigid.clear();
         self.has_released_prescribed |= other.has_released_prescribed;
         self.contradicts |= other.contradicts;
+        self.was_carried |= other.was_carried;
     }
 }
 
@@ -217,12 +239,12 @@ impl Zones {
         Some(&self.zones[self.places[found].1 as usize])
     }
 
-    /// Whether a zone that the collision touches has released what is prescribed.
-    pub(crate) fn have_released_prescribed(&self, collision: &Collision) -> bool {
-        collision.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_released_prescribed))
+    /// Whether a zone that the collision touches meets a condition.
+    pub(crate) fn touched_by(&self, collision: &Collision, condition: impl Fn(&Zone) -> bool) -> bool {
+        collision.moving().any(|node| self.of(node).is_some_and(&condition))
     }
 
-    /// Whether the nodes of a collision have moved as one body: they are as far apart at the end as at the start.
+    /// Whether the nodes of a collision have moved as one body, or with what is prescribed: they have come no closer.
     pub(crate) fn are_rigid(&self, collision: &Collision) -> bool {
         let zone = collision.moving().next().and_then(|node| self.of(node));
         zone.is_some_and(|zone| collision.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))

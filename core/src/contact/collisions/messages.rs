@@ -8,7 +8,7 @@ use crate::parallel::message::{codec, is_broken};
 
 codec!(struct Collision { pair, moves, weights, normal, target });
 codec!(struct Motion { start, displacement, mobility });
-codec!(struct Zone { nodes, collisions, rigid, has_released_prescribed, contradicts });
+codec!(struct Zone { nodes, collisions, rigid, has_released_prescribed, contradicts, was_carried });
 
 /// Collisions and zones that a rank opens: they are sent to all ranks.
 #[derive(Default)]
@@ -35,14 +35,14 @@ codec!(struct MovedNode { number, displacement });
 pub(super) struct ZoneAnswer {
     /// Place of the zone among the open ones.
     pub(super) place: u32,
-    contradicts: bool,
+    fails: bool,
     /// Whether each member can move.
     moves: Vec<bool>,
     /// Displacement of each member since the collision-free state [m].
     displacements: Vec<Vec3>,
 }
 
-codec!(struct ZoneAnswer { place, contradicts, moves, displacements });
+codec!(struct ZoneAnswer { place, fails, moves, displacements });
 
 impl ZoneAnswer {
     /// The report of a broken one says.
@@ -50,8 +50,8 @@ impl ZoneAnswer {
 
     /// Returns the part of a solution that is sent.
     pub(super) fn of(solution: ZoneSolution) -> Self {
-        let ZoneSolution { place, moves, solved: Solved { displacements, contradicts, .. }, .. } = solution;
-        Self { place: place as u32, contradicts, moves, displacements }
+        let ZoneSolution { place, moves, solved: Solved { displacements, fails, .. }, .. } = solution;
+        Self { place: place as u32, fails, moves, displacements }
     }
 
     /// The solution that a rank received, of a zone with these members that did this.
@@ -59,11 +59,11 @@ impl ZoneAnswer {
     /// # Panics
     /// It has not as many members.
     pub(super) fn solution(self, rank: usize, (action, members): (Action, Vec<u32>)) -> ZoneSolution {
-        let Self { place, contradicts, moves, displacements } = self;
+        let Self { place, fails, moves, displacements } = self;
         if [moves.len(), displacements.len()] != [members.len(); 2] {
             is_broken(rank, Self::NAME, format_args!("{} of {} members moved", displacements.len(), members.len()));
         }
-        let solved = Solved { displacements, passes: 0, contradicts };
+        let solved = Solved { displacements, passes: 0, fails };
         ZoneSolution { place: place as usize, action, members, moves, solved }
     }
 }
@@ -74,8 +74,7 @@ mod tests {
 
     #[test]
     fn an_answer_of_other_members_ends_the_run() {
-        let answer =
-            || ZoneAnswer { place: 4, contradicts: true, moves: vec![true; 2], displacements: vec![Vec3::x(); 2] };
+        let answer = || ZoneAnswer { place: 4, fails: true, moves: vec![true; 2], displacements: vec![Vec3::x(); 2] };
         let solution = answer().solution(0, (Action::Rigid, vec![7, 9]));
         assert_eq!((solution.place, solution.solved.displacements), (4, vec![Vec3::x(); 2]));
         let ended = std::panic::catch_unwind(|| answer().solution(0, (Action::Rigid, vec![7, 9, 11])));

@@ -24,18 +24,24 @@ use crate::parallel::message;
 /// (`docs/theory/self_contact.md#impact-zones`): most of what three leave are a handful of pairs that a few more end.
 pub(super) const IMPULSE_ATTEMPTS: u32 = 6;
 
-/// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
+/// Attempts with inelastic zones; then those with a prescribed node follow it, and as many attempts follow.
 const INELASTIC_ATTEMPTS: u32 = 12;
+
+/// Attempts after which pairs with a prescribed node that did not move like the others of its zone are given up.
+const GIVE_UP_FROM: u32 = IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + INELASTIC_ATTEMPTS / 2;
 
 /// Attempts after which zones are rigid.
 const RIGID_FROM: u32 = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
 
-/// Attempts with rigid zones, before their nodes stay where they were (`docs/theory/self_contact.md#impact-zones`).
+/// Attempts with rigid zones (`docs/theory/self_contact.md#impact-zones`).
 const RIGID_ATTEMPTS: u32 = 8;
+
+/// Attempts after which zones stay where they were.
+const FREEZE_AFTER: u32 = RIGID_FROM + RIGID_ATTEMPTS;
 
 /// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some
 /// directions is driven through something.
-const LAST_ATTEMPT: u32 = RIGID_FROM + 2 * RIGID_ATTEMPTS + 50;
+const LAST_ATTEMPT: u32 = FREEZE_AFTER + RIGID_ATTEMPTS + 50;
 
 /// Positions and mobilities of the nodes of this rank.
 #[derive(Debug, Clone, Copy)]
@@ -72,7 +78,8 @@ pub(super) struct Response {
     open: Zones,
     /// Motions of the nodes of open pairs and zones, by their numbers in the scene; alike on all ranks.
     remote_motion: BTreeMap<u32, Motion>,
-    /// Numbers of times that zones were made rigid, and stopped, here.
+    /// Numbers of times that zones were carried, made rigid, and stopped, here.
+    carried: u64,
     rigid: u64,
     stopped: u64,
     /// Nodes of stopped zones that were solved here.
@@ -111,7 +118,7 @@ impl Response {
             self.shared_impulses(kinematics, &shared, displacements, &mut touched);
         } else {
             self.open.add(opened, attempt, &[]);
-            let (own, shared) = self.drop_released(kinematics.nodes, own, shared);
+            let (own, shared) = self.drop_released(kinematics.nodes, attempt, own, shared);
             let active = [self.closed.add(Vec::new(), attempt, &own), self.open.add(Vec::new(), attempt, &shared)];
             self.zones(kinematics, attempt, &active, displacements, &mut touched, metrics);
         }
@@ -127,6 +134,7 @@ impl Response {
         if ranks.is_first() {
             self.open.report(metrics);
         }
+        metrics.count("zones_carried", self.carried);
         metrics.count("zones_rigid", self.rigid);
         metrics.count("zone_fallbacks", self.stopped);
         metrics.count("pairs_pinched", self.given_up.len() as u64);
@@ -134,32 +142,31 @@ impl Response {
         ranks.sum_of([zone_nodes, self.given_up.len() as u64, self.stopped])
     }
 
-    /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
-    /// prescribed node.
+    /// Gives up what cannot be helped: pairs that no impulse can change, and after the last attempt all.
     fn drop_failed(&mut self, kinematics: &Kinematics<'_>, attempt: u32, collisions: Vec<Collision>) -> Vec<Collision> {
-        let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let is_hopeless = |collision: &Collision| {
             let constraint = collision.constraint(collision.pair.nodes.map(|number| kinematics.local(number)));
             response(&constraint, kinematics.mobility) == 0.0
         };
-        let mark_failed = |collision: &Collision| {
-            attempt > LAST_ATTEMPT || (last_chance && collision.has_prescribed()) || is_hopeless(collision)
-        };
+        let mark_failed = |collision: &Collision| attempt > LAST_ATTEMPT || is_hopeless(collision);
         let (given_up, kept): (Vec<_>, Vec<_>) = collisions.into_iter().partition(mark_failed);
         self.mark_failed(given_up);
         kept
     }
 
-    /// Gives up pairs with a prescribed node that touch a zone which has let go of these.
+    /// Gives up pairs with a prescribed node that touch a zone which has let go of these, and in late attempts those that touch
+    /// a zone whose prescribed nodes did not move alike.
     fn drop_released(
         &mut self,
         nodes: &ContactNodes,
+        attempt: u32,
         own: Vec<Collision>,
         shared: Vec<Collision>,
     ) -> (Vec<Collision>, Vec<Collision>) {
         let (closed, open) = (&self.closed, &self.open);
         let let_go = |zones: &Zones, collision: &Collision| {
-            collision.has_prescribed() && zones.have_released_prescribed(collision)
+            let lets_go = |zone: &Zone| zone.has_released_prescribed || (attempt > GIVE_UP_FROM && zone.was_carried);
+            collision.has_prescribed() && zones.touched_by(collision, lets_go)
         };
         let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|collision| let_go(closed, collision));
         let (of_all, shared): (Vec<_>, Vec<_>) = shared.into_iter().partition(|collision| let_go(open, collision));
@@ -296,9 +303,10 @@ impl Response {
             let motion = |number: u32| self.remote_motion[&number];
             tasks.push(Task::new(&self.open.zones()[place], attempt, place, motion));
         }
-        let mut solved: Vec<ZoneSolution> = tasks.par_iter().map(Task::solve).collect();
+        let mut solved: Vec<ZoneSolution> = tasks.par_iter().map(|task| task.solve(kinematics.gap)).collect();
         metrics.count("zone_sweeps", solved.iter().map(|answer| answer.solved.passes).sum());
-        self.rigid += solved.iter().filter(|answer| answer.action == Action::Rigid).count() as u64;
+        let count = |action| solved.iter().filter(|answer| answer.action == action).count() as u64;
+        (self.carried, self.rigid) = (self.carried + count(Action::Carry), self.rigid + count(Action::Rigid));
         for answer in solved.iter().filter(|answer| answer.action == Action::Freeze) {
             self.stopped += 1;
             self.stopped_nodes.extend(&answer.members);
@@ -306,7 +314,7 @@ impl Response {
         let shared = solved.split_off(closed.len());
         for answer in solved {
             answer.apply(kinematics, displacements, touched);
-            self.closed.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
+            self.closed.zone_mut(answer.place).note(answer.action, answer.solved.fails);
         }
         if open.is_empty() {
             return;
@@ -320,7 +328,7 @@ impl Response {
                 self.remote_motion.entry(number).and_modify(|motion| motion.displacement = *displacement);
             }
             solution.apply(kinematics, displacements, touched);
-            self.open.zone_mut(place).note(solution.action, solution.solved.contradicts);
+            self.open.zone_mut(place).note(solution.action, solution.solved.fails);
         }
     }
 }
@@ -343,16 +351,18 @@ impl<'a> Task<'a> {
 
     /// Returns the action of a zone in an attempt, and the members of the zone.
     fn members(zone: &Zone, attempt: u32) -> (Action, Vec<u32>) {
+        let is_due = zone.contradicts || attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let action = match attempt {
+            ..=FREEZE_AFTER if is_due && !zone.was_carried && zone.has_prescribed() => Action::Carry,
             ..=RIGID_FROM if !zone.contradicts => Action::Inelastic,
-            attempt if attempt <= RIGID_FROM + RIGID_ATTEMPTS => Action::Rigid,
+            ..=FREEZE_AFTER => Action::Rigid,
             _ => Action::Freeze,
         };
         (action, zone.members())
     }
 
-    fn solve(&self) -> ZoneSolution {
-        let solved = self.zone.solve(self.action, &self.members, &self.motions);
+    fn solve(&self, gap: f64) -> ZoneSolution {
+        let solved = self.zone.solve(self.action, &self.members, &self.motions, gap);
         let moves = self.motions.iter().map(|motion| motion.mobility != Vec3::zeros()).collect();
         ZoneSolution { place: self.place, action: self.action, members: self.members.clone(), moves, solved }
     }

@@ -7,7 +7,7 @@ use crate::geometry::random::SplitMix64;
 use crate::parallel::ranks::Ranks;
 
 /// Counts that have to be the same on any number of ranks.
-const COUNTS: [&str; 12] = [
+const COUNTS: [&str; 13] = [
     "collision_hits",
     "collision_attempts",
     "collision_loops",
@@ -17,6 +17,7 @@ const COUNTS: [&str; 12] = [
     "zones_large",
     "zone_nodes",
     "zone_sweeps",
+    "zones_carried",
     "zones_rigid",
     "zone_fallbacks",
     "pairs_pinched",
@@ -30,7 +31,7 @@ struct Outcome {
     moved: Vec<u32>,
     /// Hard, pinched, given back.
     flags: [bool; 3],
-    counts: [u64; 12],
+    counts: [u64; 13],
 }
 
 impl Outcome {

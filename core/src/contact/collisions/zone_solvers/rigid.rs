@@ -51,16 +51,10 @@ pub(crate) struct RigidMotion {
 /// with some directions prescribed are moved like free ones, except along these. Inertia has no inverse where the
 /// nodes lie on a line: there is no turn about it then.
 pub(crate) fn rigid(nodes: &mut [ZoneNode]) -> RigidMotion {
-    let Some(frame) = Frame::of(nodes) else {
+    let Some(turned) = Turned::of(nodes) else {
         return RigidMotion { centre: Vec3::zeros(), displacement: Vec3::zeros(), turn: Vec3::zeros() };
     };
-    let (second_moment, momentum) = frame.moments(nodes);
-    let inertia = Matrix3::identity() * second_moment.trace() - second_moment;
-    let none = rounding(nodes) * nodes.iter().map(mass).sum::<f64>();
-    let inverse = pseudo_inverse(&(frame.free_axes * inertia * frame.free_axes), none);
-    let spin = inverse * momentum;
-    let rotation = turn_with_momentum(&second_moment, &inverse, &(frame.free_axes * momentum), &spin);
-    let displacement = displacement_of(&rotation);
+    let Turned { frame, spin, displacement } = turned;
     for node in nodes.iter_mut() {
         let arm = frame.rotation * (node.start - frame.centre);
         let moved = frame.centre_end + arm + displacement * arm;
@@ -75,11 +69,39 @@ pub(crate) fn rigid(nodes: &mut [ZoneNode]) -> RigidMotion {
     RigidMotion { centre: frame.centre, displacement: frame.centre_end - frame.centre, turn: spin }
 }
 
+/// The rigid motion of a zone: the turn that prescribed nodes impose, then the one by the momentum of the others.
+pub(super) struct Turned {
+    pub(super) frame: Frame,
+    /// Axis of the second turn times its angle to first order [rad].
+    spin: Vec3,
+    /// The second turn, less the identity.
+    displacement: Matrix3<f64>,
+}
+
+impl Turned {
+    /// `None` for no nodes at all.
+    pub(super) fn of(nodes: &[ZoneNode]) -> Option<Self> {
+        let frame = Frame::of(nodes)?;
+        let (second_moment, momentum) = frame.moments(nodes);
+        let inertia = Matrix3::identity() * second_moment.trace() - second_moment;
+        let none = rounding(nodes) * nodes.iter().map(mass).sum::<f64>();
+        let inverse = pseudo_inverse(&(frame.free_axes * inertia * frame.free_axes), none);
+        let spin = inverse * momentum;
+        let rotation = turn_with_momentum(&second_moment, &inverse, &(frame.free_axes * momentum), &spin);
+        Some(Self { frame, spin, displacement: displacement_of(&rotation) })
+    }
+
+    /// Both turns.
+    pub(super) fn rotation(&self) -> Matrix3<f64> {
+        (Matrix3::identity() + self.displacement) * self.frame.rotation.to_rotation_matrix().matrix()
+    }
+}
+
 /// Part of the motion that is known before the angular momentum of the free nodes is looked at.
-struct Frame {
+pub(super) struct Frame {
     /// Place that the zone turns about, at the start and now [m].
-    centre: Vec3,
-    centre_end: Vec3,
+    pub(super) centre: Vec3,
+    pub(super) centre_end: Vec3,
     /// Turn imposed by prescribed nodes.
     rotation: UnitQuaternion<f64>,
     /// Projector on the axes, after that turn, that the zone may still turn about.
@@ -114,7 +136,7 @@ impl Frame {
 }
 
 /// Mass of a node [kg]; zero stands for one that is prescribed in all directions.
-fn mass(node: &ZoneNode) -> f64 {
+pub(super) fn mass(node: &ZoneNode) -> f64 {
     let mobility = node.mobility.max();
     if mobility > 0.0 { 1.0 / mobility } else { 0.0 }
 }

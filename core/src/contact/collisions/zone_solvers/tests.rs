@@ -1,9 +1,9 @@
 //! Momentum, energy and optimality of both kinds of zone.
 
-use nalgebra::{DMatrix, DVector, UnitQuaternion};
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion};
 
 use super::rigid::RigidMotion;
-use super::{ZoneNode, inelastic, rigid};
+use super::{ZoneNode, carried, inelastic, rigid};
 use crate::Vec3;
 use crate::contact::collisions::impulse::{Constraint, normal_velocity};
 use crate::geometry::random::SplitMix64;
@@ -180,6 +180,31 @@ fn prescribed_nodes_stay_and_the_others_follow_them() {
 }
 
 #[test]
+fn a_zone_is_carried_as_what_is_prescribed_moves() {
+    let mut random = SplitMix64::new(9);
+    for prescribed in 1..7 {
+        let mut nodes = random_zone(&mut random, 9, 0.1);
+        let turn = UnitQuaternion::from_scaled_axis(random.vector());
+        nodes.iter_mut().take(prescribed).for_each(|node| {
+            (node.mobility, node.end) = (Vec3::zeros(), turn * node.start);
+        });
+        let (deviation, distortion) = (carried(&mut nodes), distortion(&nodes));
+        assert!(deviation < 1e-9 && distortion < 1e-9, "{prescribed} prescribed: {deviation} m, {distortion}");
+        // Shear and stretch as well, which four nodes determine.
+        let map = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.2 * random.signed());
+        nodes.iter_mut().take(prescribed).for_each(|node| node.end = map * node.start);
+        let expected: Vec<Vec3> = nodes.iter().map(|node| map * node.start).collect();
+        assert!(prescribed > 4 || carried(&mut nodes) < 1e-3, "{prescribed} prescribed");
+        if prescribed > 4 {
+            assert!(carried(&mut nodes) < 1e-3);
+            assert!(nodes.iter().zip(&expected).all(|(node, end)| (node.end - end).norm() < 1e-3));
+            nodes[0].end += Vec3::x();
+            assert!(carried(&mut nodes) > 0.1, "one of them parts from the others");
+        }
+    }
+}
+
+#[test]
 fn a_zone_turns_freely_about_what_one_or_two_prescribed_nodes_leave() {
     // A mass on an arm of one metre, driven across it by a millimetre: it turns by the angle whose sine is 1e-3.
     let fixed = |at: Vec3| ZoneNode { start: at, end: at, mobility: Vec3::zeros() };
@@ -216,6 +241,8 @@ fn a_zone_is_finite_whatever_it_is_given() {
                     mobility: Vec3::repeat(mobility),
                 };
                 let mut nodes: Vec<_> = (0..nodes).map(node).collect();
+                let mut follow = nodes.clone();
+                assert!(carried(&mut follow).is_finite() && follow.iter().all(|n| n.end.iter().all(|x| x.is_finite())));
                 let motion = rigid(&mut nodes);
                 let finite = |v: Vec3| v.iter().all(|x| x.is_finite());
                 let is_finite = |n: &ZoneNode| finite(n.end) && finite(displacement_of(&motion, n));
