@@ -244,7 +244,7 @@ impl Zones {
         collision.moving().any(|node| self.of(node).is_some_and(&condition))
     }
 
-    /// Whether the nodes of a collision have moved as one body, or with what is prescribed: they have come no closer.
+    /// Whether the nodes of a collision have moved as one body, or with what is prescribed: they cannot have met.
     pub(crate) fn are_rigid(&self, collision: &Collision) -> bool {
         let zone = collision.moving().next().and_then(|node| self.of(node));
         zone.is_some_and(|zone| collision.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::rigid::{Turned, ZoneNode, mass};
+use super::rigid::{Turned, ZoneNode, mass, spread_and_covariance};
 use crate::contact::tolerances::CARRIED_SPREAD;
 
 /// Moves all nodes as those do that cannot move, and returns the largest distance along an axis of an end that is prescribed
@@ -14,25 +14,11 @@ use crate::contact::tolerances::CARRIED_SPREAD;
 pub(crate) fn carried(nodes: &mut [ZoneNode]) -> f64 {
     let Some(turned) = Turned::of(nodes) else { return 0.0 };
     let (frame, rotation) = (&turned.frame, turned.rotation());
-    let (mut spread, mut covariance) = (Matrix3::zeros(), Matrix3::zeros());
-    for node in nodes.iter().filter(|node| mass(node) == 0.0) {
-        let arm = node.start - frame.centre;
-        spread += arm * arm.transpose();
-        covariance += (node.end - frame.centre_end) * arm.transpose();
-    }
+    let prescribed = nodes.iter().filter(|node| mass(node) == 0.0);
+    let (spread, covariance) = spread_and_covariance(prescribed, &frame.centre, &frame.centre_end);
     let weight = CARRIED_SPREAD * spread.trace();
     let inverse = (spread + Matrix3::identity() * weight).try_inverse();
     let map = inverse.map_or(rotation, |inverse| rotation + (covariance - rotation * spread) * inverse);
-    let mut deviation = 0.0_f64;
-    for node in nodes.iter_mut() {
-        let moved = frame.centre_end + map * (node.start - frame.centre);
-        for axis in 0..3 {
-            if node.mobility[axis] > 0.0 {
-                node.end[axis] = moved[axis];
-            } else {
-                deviation = deviation.max((node.end[axis] - moved[axis]).abs());
-            }
-        }
-    }
-    deviation
+    let deviation = |node: &mut ZoneNode| node.move_to(&(frame.centre_end + map * (node.start - frame.centre)));
+    nodes.iter_mut().map(deviation).fold(0.0, f64::max)
 }

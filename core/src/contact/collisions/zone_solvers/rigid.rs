@@ -27,6 +27,21 @@ pub(crate) struct ZoneNode {
     pub mobility: Vec3,
 }
 
+impl ZoneNode {
+    /// Puts the end at a position, along the axes that are not prescribed; returns the largest distance along the others [m].
+    pub(super) fn move_to(&mut self, position: &Vec3) -> f64 {
+        let mut distance = 0.0_f64;
+        for axis in 0..3 {
+            if self.mobility[axis] > 0.0 {
+                self.end[axis] = position[axis];
+            } else {
+                distance = distance.max((self.end[axis] - position[axis]).abs());
+            }
+        }
+        distance
+    }
+}
+
 /// The motion of a rigid zone as a field over its collision-free positions, linear in the turn: not the chords end − start
 /// of the turned positions, but the part of the zone's average motion that a rigid body can have, which keeps momentum
 /// without adding energy.
@@ -57,12 +72,7 @@ pub(crate) fn rigid(nodes: &mut [ZoneNode]) -> RigidMotion {
     let Turned { frame, spin, displacement } = turned;
     for node in nodes.iter_mut() {
         let arm = frame.rotation * (node.start - frame.centre);
-        let moved = frame.centre_end + arm + displacement * arm;
-        for axis in 0..3 {
-            if node.mobility[axis] > 0.0 {
-                node.end[axis] = moved[axis];
-            }
-        }
+        node.move_to(&(frame.centre_end + arm + displacement * arm));
     }
     // The turn that prescribed nodes impose is a finite one, the angular momentum of the others was taken after it.
     let spin = frame.rotation.inverse() * spin + frame.rotation.scaled_axis();
@@ -158,6 +168,21 @@ fn mean<'a>(nodes: impl Iterator<Item = (f64, &'a ZoneNode)>) -> Option<(Vec3, V
     (sum > 0.0).then(|| (start / sum, end / sum))
 }
 
+/// Σ r rᵀ and Σ r' rᵀ [m²] of nodes whose starts and ends are at r and r' from these centres.
+pub(super) fn spread_and_covariance<'a>(
+    nodes: impl Iterator<Item = &'a ZoneNode>,
+    centre: &Vec3,
+    centre_end: &Vec3,
+) -> (Matrix3<f64>, Matrix3<f64>) {
+    let (mut spread, mut covariance) = (Matrix3::zeros(), Matrix3::zeros());
+    for node in nodes {
+        let arm = node.start - centre;
+        spread += arm * arm.transpose();
+        covariance += (node.end - centre_end) * arm.transpose();
+    }
+    (spread, covariance)
+}
+
 /// The rotation that carries the starts of prescribed nodes nearest to their ends in the sum of squares (W. Kabsch,
 /// Acta Crystallographica A32, 1976), and the projector on the axes about which they leave the zone free to turn.
 fn imposed_turn<'a>(
@@ -166,12 +191,7 @@ fn imposed_turn<'a>(
     centre_end: &Vec3,
     none: f64,
 ) -> (UnitQuaternion<f64>, Matrix3<f64>) {
-    let (mut spread, mut covariance) = (Matrix3::zeros(), Matrix3::zeros());
-    for node in nodes {
-        let arm = node.start - centre;
-        spread += arm * arm.transpose();
-        covariance += (node.end - centre_end) * arm.transpose();
-    }
+    let (spread, covariance) = spread_and_covariance(nodes, centre, centre_end);
     let (sizes, axes) = eigen(&spread);
     if sizes[2] <= none {
         return (UnitQuaternion::identity(), Matrix3::identity());
