@@ -14,26 +14,25 @@ pub struct FileSummary {
     pub meshes: Vec<MeshSummary>,
     /// Objects that are no meshes: path and kind.
     pub others: Vec<(String, String)>,
-    /// Numbers that change over time, which a scene can follow.
+    /// Numbers that a scene can follow.
     pub channels: Vec<ChannelSummary>,
 }
 
-/// A property of an object, of one number or of three, that changes over time.
+/// A property of an object, of one number or of three, that changes over time or was added by an artist.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct ChannelSummary {
     /// Path of the object and name of the property, as a scene writes them: `/control.slip`.
     pub channel: String,
     /// Numbers of a sample.
     pub numbers: usize,
-    /// Number of samples.
+    /// Number of samples: 1 if it never changes.
     pub samples: usize,
 }
 
 impl ChannelSummary {
-    /// The channel, if a scene can follow so many numbers in so many samples: one or three that change.
+    /// The channel, if a scene can follow as many numbers: one or three.
     pub(crate) fn of(object: &str, property: &str, numbers: usize, samples: usize) -> Option<Self> {
-        let is_one = matches!(numbers, 1 | 3) && samples > 1;
-        is_one.then(|| Self { channel: format!("{object}.{property}"), numbers, samples })
+        matches!(numbers, 1 | 3).then(|| Self { channel: format!("{object}.{property}"), numbers, samples })
     }
 }
 

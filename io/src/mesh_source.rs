@@ -23,6 +23,19 @@ pub enum FrameRate {
     Sampled(f64),
 }
 
+impl FrameRate {
+    /// The rate that a file states, otherwise the rate of its samples at these times [s], if there are three or more at even steps.
+    pub(crate) fn of(stated: Option<f64>, times: &[f64]) -> Option<Self> {
+        if let (Some(rate), [_, _, ..]) = (stated, times) {
+            return Some(Self::Stated(rate));
+        }
+        let [first, _, .., last] = times else { return None };
+        let step = (last - first) / (times.len() - 1) as f64;
+        let is_even = times.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() <= SAME_SAMPLE * step);
+        is_even.then_some(Self::Sampled(1.0 / step))
+    }
+}
+
 /// An opened mesh file, or the objects chosen in it, converted to metres with Y up.
 pub struct MeshSource {
     path: PathBuf,
@@ -152,14 +165,7 @@ impl MeshSource {
 
     /// Frames per second of the file; `None` when nothing tells, or the mesh never moves.
     pub fn frame_rate(&self) -> Option<FrameRate> {
-        let times = self.sample_times();
-        let ([first, .., last], stated) = (times, self.reader.frame_rate()) else { return None };
-        if let Some(rate) = stated {
-            return Some(FrameRate::Stated(rate));
-        }
-        let step = (last - first) / (times.len() - 1) as f64;
-        let is_even = times.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() <= SAME_SAMPLE * step);
-        is_even.then_some(FrameRate::Sampled(1.0 / step))
+        FrameRate::of(self.reader.frame_rate(), self.sample_times())
     }
 
     /// Times of the samples strictly between two times [s]; samples that lie on one of them are left out.

@@ -46,7 +46,7 @@ pub static RULES: [Rule; 28] = [
     },
     Rule {
         name: "frame_rate",
-        finds: "`shot.fps` differs from the frame rate of a file that a body or a pin follows",
+        finds: "`shot.fps` differs from the frame rate of a file that a body, a pin or a channel follows",
         exactly: "A file states its rate (`DCC_FPS` or `FramesPerTimeUnit` of an Alembic archive, `timeCodesPerSecond` \
                   of a stage). Otherwise the rate of its samples counts, if they are evenly spaced and neither several \
                   to a frame nor several frames apart.",
@@ -179,8 +179,9 @@ pub static RULES: [Rule; 28] = [
     Rule {
         name: "idle_setting",
         finds: "settings that change nothing in this scene, because of another setting",
-        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, and `rest` of a body without a \
-                  pre-roll. Numbers that equal the default are ignored.",
+        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, `rest` of a body without a pre-roll, and a \
+                  `[[contact]]` of a garment whose parts all have a `[[contact]]` of their own with the same object. Numbers that \
+                  equal the default are ignored.",
         line: "gas = true",
     },
     Rule {

@@ -10,6 +10,7 @@ use crate::attributes::Attribute;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::memory_mesh::MemoryMeshes;
+use crate::mesh_source::FrameRate;
 use crate::units::{InputUnits, Units};
 use crate::wind_file::WindFile;
 
@@ -101,6 +102,19 @@ pub struct CheckDescription {
     /// Lines of the scene file by the objects that messages name by their number alone, such as `seam 0`: the same object behind its
     /// place in the file, as in `scene.toml:12: garment "left" and garment "right", seam 0`.
     pub lines: BTreeMap<String, String>,
+    /// The channels of files that numbers follow, but for those that never change.
+    pub channels: Vec<ChannelRate>,
+}
+
+/// Frame rate of a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelRate {
+    /// The number that follows it, as in `curve of gravity.acceleration`.
+    pub object: String,
+    /// The file.
+    pub path: PathBuf,
+    /// The rate of the file.
+    pub rate: FrameRate,
 }
 
 impl CheckDescription {

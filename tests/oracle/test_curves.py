@@ -137,6 +137,8 @@ def usd_channels(path):
         rate.Set(value, 2 * frame)
         fall.Set(Gf.Vec3d(0, 0, -0.02 * value), 2 * frame)
     control.CreateAttribute("word", Sdf.ValueTypeNames.String).Set("wet")
+    control.CreateAttribute("still", Sdf.ValueTypeNames.Double, custom=True).Set(2.5)
+    UsdGeom.Xformable(control).AddTranslateOp().Set(Gf.Vec3d(1, 0, 0))
     stage.Save()
 
 
@@ -158,6 +160,7 @@ def alembic_channels(path):
         rate.setValue(100.0 * (frame - 1001))
         fall.setValue(imath.V3d(0, 0, -2.0 * (frame - 1001)))
     Abc.OStringProperty(properties, "word").setValue("wet")
+    Abc.ODoubleProperty(properties, "still").setValue(2.5)
 
 
 @pytest.mark.parametrize(("name", "write"), [("control.usda", usd_channels), ("control.usdc", usd_channels), ("control.abc", alembic_channels)])
@@ -165,9 +168,9 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     write(tmp_path / name)
     held = subprocess.run([DRAPERY, "info", str(tmp_path / name)], capture_output=True, text=True, check=True).stdout
     samples = 5 if name == "control.abc" else 2
-    for line in (f"rate: one number, {samples} samples", f"fall: three numbers, {samples} samples"):
+    for line in (f"rate: one number, {samples} samples", f"fall: three numbers, {samples} samples", "still: one number, one sample"):
         assert f"\nchannel /shot/control.{line}\n" in held, held
-    assert held.count("channel ") == 2, "the word is none"
+    assert held.count("channel ") == 3, "neither the word nor the transform that stands still is one"
     # A stage says that Z is up.
     turned = ', up = "Z"' if name == "control.abc" else ""
     channel = lambda property, more="": f'{{ file = "{name}", channel = "/shot/control.{property}"{more} }}'
@@ -186,6 +189,11 @@ def test_channels_of_files_are_the_keys_that_they_hold(name, write, tmp_path):
     assert np.ptp(positions["keys"][:, 0, 1]) > 0.05
     np.testing.assert_allclose(positions["channels"], positions["keys"], rtol=0, atol=1e-6)
     assert np.array_equal(positions["channels"], positions["resolved"])
+    # Five samples, or a stage, say which rate is theirs.
+    rate = "the samples of the file are at 24 frames per second" if name == "control.abc" else "the file states 24 frames per second"
+    (tmp_path / "pal.toml").write_text((tmp_path / "channels.toml").read_text().replace('"24"', '"25"').replace("1001-1009", "1040-1049"))
+    warned = said("check", tmp_path / "pal.toml")
+    assert f"frame_rate: {tmp_path / 'pal.toml'}:" in warned and f"curve of ether_drag.rate: {tmp_path / name}: {rate}" in warned, warned
     # The file is an input.
     (tmp_path / name).unlink()
     said("run", tmp_path / "channels.toml", "--out", tmp_path / "other", code=MISSING_INPUT)

@@ -8,6 +8,7 @@ use drapery_shot::run_record::RESOLVED;
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::manifest::ManifestGarment;
 use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
+use drapery_shot::run_record::strains::WorstStrains;
 
 use super::status::Degradation;
 use crate::page::table::{Cell, number, section, table, words};
@@ -113,30 +114,20 @@ fn troubles(run: &RunFolder, level: &str) -> String {
 /// Returns a table of the strain of each garment beside the largest that its fabric takes, in the order in which they appear; nothing
 /// for runs without strains.
 pub(super) fn strains(rows: &[FrameRow], garments: &[ManifestGarment]) -> String {
-    let mut worst: Vec<(&str, [(f64, i64); 2])> = Vec::new();
-    for (frame, found) in rows.iter().flat_map(|row| row.strains.iter().map(|found| (row.frame, found))) {
-        let values = [found.largest, found.p99_9].map(|value| (value, frame));
-        match worst.iter_mut().find(|(garment, _)| *garment == found.garment) {
-            Some((_, most)) => {
-                most.iter_mut().zip(values).filter(|(most, value)| value.0 > most.0).for_each(|(m, v)| *m = v)
-            }
-            None => worst.push((&found.garment, values)),
-        }
-    }
+    let worst = WorstStrains::of(rows);
     if worst.is_empty() {
         return String::new();
     }
     let percent = |value: f64| format!("{} %", text::digits(100.0 * value));
     let limit_of = |name: &str| garments.iter().find(|garment| garment.name == name)?.strain_limit;
-    let line = |(garment, [largest, most]): &(&str, [(f64, i64); 2])| {
-        let frames = [largest.1, most.1].map(|frame| number(frame.to_string()));
-        let [first, second] = frames;
+    let line = |WorstStrains { garment, largest, p99_9 }: &WorstStrains| {
         let limit = limit_of(garment).map_or(String::new(), percent);
-        vec![words(garment), number(percent(largest.0)), first, number(percent(most.0)), second, number(limit)]
+        let [largest, p99_9] =
+            [largest, p99_9].map(|peak| [number(percent(peak.strain)), number(peak.frame.to_string())]);
+        [vec![words(garment)], largest.into(), p99_9.into(), vec![number(limit)]].concat()
     };
-    let is_beyond =
-        |(garment, [_, most]): &&(&str, [(f64, i64); 2])| limit_of(garment).is_some_and(|limit| most.0 > limit);
-    let beyond: Vec<&str> = worst.iter().filter(is_beyond).map(|(garment, _)| *garment).collect();
+    let is_beyond = |worst: &&WorstStrains| limit_of(&worst.garment).is_some_and(|limit| worst.p99_9.strain > limit);
+    let beyond: Vec<&str> = worst.iter().filter(is_beyond).map(|worst| &*worst.garment).collect();
     let mut note =
         "<p>Strain of edges at the end of each frame (extension divided by rest length): the largest, and the 99.9th \
                     percentile, each in its worst frame; and the largest strain that the fabric takes.</p>"

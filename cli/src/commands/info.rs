@@ -35,7 +35,8 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
     }
     for ChannelSummary { channel, numbers, samples } in &summary.channels {
         let numbers = if *numbers == 1 { "one number" } else { "three numbers" };
-        say::line(format_args!("channel {channel}: {numbers}, {samples} samples"));
+        let samples = if *samples == 1 { "one sample".to_owned() } else { format!("{samples} samples") };
+        say::line(format_args!("channel {channel}: {numbers}, {samples}"));
     }
     Ok(ExitCode::Done)
 }

@@ -11,6 +11,7 @@ use drapery_shot::farm::stop::{Reason, Signal, StopRequests};
 use drapery_shot::quality::{self, Exceeded, INEXACT, LIMITS};
 use drapery_shot::run::{Bundle, DUMPS, FrameReport, Observer, Outcome, RunOptions, RunReport};
 use drapery_shot::run_record::reader::in_words;
+use drapery_shot::run_record::strains::BeyondFabric;
 
 use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
 use crate::config::{Environment, RunSettings};
@@ -298,12 +299,21 @@ fn limits_kept(done: &str, exceeded: &[Exceeded], uncounted: &[[i64; 2]]) -> Res
 /// Summary of a run: limits, caches, and the file to open; with `is_long` also the seconds of stages and all counts.
 fn end_table(report: &RunReport, is_long: bool) -> String {
     let mut text = if is_long { stages_and_counts(report) } else { limits(&report.metrics) };
+    text += &report.beyond_fabric.iter().map(beyond_fabric).collect::<String>();
     let on = if report.ranks > 1 { format!(" on {} ranks", report.ranks) } else { String::new() };
     text += &format!("{} frames in {}{on}\n", report.frames, duration(report.seconds));
     let files = report.files.iter().map(|file| format!("wrote {}", file.display()));
     let layers =
         report.layers.iter().map(|file| format!("wrote {} (open this file: it has all garments)", file.display()));
     text + &files.chain(layers).collect::<Vec<_>>().join("\n")
+}
+
+/// A garment that was stretched more than its fabric takes.
+fn beyond_fabric(BeyondFabric { garment, fabric, p99_9 }: &BeyondFabric) -> String {
+    let percent = |strain: f64| format!("{:.1} %", 100.0 * strain);
+    let (most, limit) = (percent(p99_9.strain), percent(fabric.strain_limit));
+    let edges = format!("of the edges of \"{garment}\", in frame {}", p99_9.frame);
+    format!("{:<28} {most:>10}  99.9th percentile {edges}; {} takes {limit}\n", "strain beyond the fabric", fabric.name)
 }
 
 /// Counts that should stay zero: in a line those that did, and each that did not. Then what is not exact.

@@ -55,6 +55,8 @@ pub struct Opening {
 pub struct ChannelSamples {
     /// Axis that points up, where the file says it.
     pub up: Option<UpAxis>,
+    /// Frames per second that the file states.
+    pub stated_rate: Option<f64>,
     /// Times [s], ascending, and the numbers of the value there; one sample for what never changes.
     pub values: Vec<(f64, Vec<f64>)>,
 }

@@ -12,16 +12,26 @@ use drapery_core::settings::SettingValue;
 use crate::error::IoError;
 use crate::formats;
 use crate::input_file;
+use crate::mesh_source::FrameRate;
 use crate::units::{UpAxis, turned_up};
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
 use super::tree::{Node, Sources, Table, Value};
 
+/// The file of a channel.
+#[derive(Debug, Clone)]
+pub(super) struct ChannelFile {
+    /// The file.
+    pub(super) path: PathBuf,
+    /// Its frame rate; `None` for a channel that never changes.
+    pub(super) rate: Option<FrameRate>,
+}
+
 /// A channel that was read. Its vectors have Y up.
 pub(super) struct Channel {
     /// The file.
-    pub(super) file: PathBuf,
+    pub(super) file: ChannelFile,
     /// Frames and values.
     pub(super) keys: Vec<(f64, SettingValue)>,
 }
@@ -77,6 +87,8 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
     };
     // The system's own words for a missing file are the same everywhere; ours carry advice.
     let samples = input_file::open(&file).and_then(|_| reads(&file, object, property)).map_err(of_file)?;
+    let times: Vec<f64> = samples.values.iter().map(|(time, _)| *time).collect();
+    let rate = FrameRate::of(samples.stated_rate, &times);
     let mut keys = Vec::new();
     let up = up.or(samples.up).unwrap_or_default();
     for (time, numbers) in samples.values {
@@ -94,7 +106,7 @@ pub(super) fn read(node: &Node, sources: &Sources, (folder, fps): (&FilePath, f6
         let whole = frame.round();
         keys.push((if (frame - whole).abs() < 1e-6 * whole.abs().max(1.0) { whole } else { frame }, value));
     }
-    Ok(Channel { file, keys })
+    Ok(Channel { file: ChannelFile { path: file, rate }, keys })
 }
 
 fn text<'a>(table: &'a Table, key: &str) -> Option<&'a str> {

@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 
 use crate::rules::{RULES, find};
-use crate::shot_description::CheckDescription;
+use crate::shot_description::{ChannelRate, CheckDescription};
 
+use super::channels::ChannelFile;
+use super::curves::Curve;
 use super::deserialize::suggestion;
 use super::resolve::Resolver;
 use super::tree::{Node, Origin, Path};
@@ -26,7 +28,16 @@ impl Resolver<'_> {
         let has_own_friction = (0..self.scene.document.body.len())
             .map(|index| friction(index).is_some_and(|node| of_scene(&node.origin)))
             .collect();
-        CheckDescription { silenced, fabrics: self.scene.fabrics.clone(), has_own_friction, lines: self.lines() }
+        let (fabrics, lines, channels) = (self.scene.fabrics.clone(), self.lines(), self.channel_rates());
+        CheckDescription { silenced, fabrics, has_own_friction, lines, channels }
+    }
+
+    /// The frame rates of the channels that change.
+    fn channel_rates(&self) -> Vec<ChannelRate> {
+        let of_file = |curve: &Curve, ChannelFile { path, rate }: &ChannelFile| {
+            Some(ChannelRate { object: curve.object(), path: path.clone(), rate: (*rate)? })
+        };
+        self.scene.curves.iter().filter_map(|curve| of_file(curve, curve.file.as_ref()?)).collect()
     }
 
     /// The lines of what messages name by number: seams, rules of contact, pins, elastic bands and curves.
@@ -58,7 +69,7 @@ impl Resolver<'_> {
             }
         }
         for curve in &self.scene.curves {
-            named(format!("curve of {}", curve.number), &curve.path);
+            named(curve.object(), &curve.path);
         }
         lines
     }

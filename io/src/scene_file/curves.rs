@@ -2,12 +2,12 @@
 //!
 //! All that follows sees the value of the first key. Curves stand beside the tree, and in `resolved.toml` in their places.
 
-use std::path::{Path as FilePath, PathBuf};
+use std::path::Path as FilePath;
 
 use drapery_core::scene::number_curves::NumberCurve;
 use drapery_core::settings::{Default, Field, SettingValue};
 
-use super::channels::{self, Channel};
+use super::channels::{self, Channel, ChannelFile};
 use super::deserialize::dotted;
 use super::diagnostics::SceneFileError;
 use super::effects;
@@ -28,7 +28,14 @@ pub(super) struct Curve {
     /// Frames and values, in the SI unit.
     pub(super) keys: NumberCurve,
     /// The file of a channel, which holds the keys.
-    pub(super) file: Option<PathBuf>,
+    pub(super) file: Option<ChannelFile>,
+}
+
+impl Curve {
+    /// The name that messages give it.
+    pub(super) fn object(&self) -> String {
+        format!("curve of {}", self.number)
+    }
 }
 
 /// A map of a garment that changes over time.
@@ -147,10 +154,10 @@ fn of_channel(
     node: &Node,
     sources: &Sources,
     around: (&FilePath, f64),
-) -> Result<(NumberCurve, Value, PathBuf), SceneFileError> {
+) -> Result<(NumberCurve, Value, ChannelFile), SceneFileError> {
     let Channel { file, keys } = channels::read(node, sources, around)?;
     let wrong = |what: String| {
-        let help = format!("correct it in {}, or name another channel or `scale`", file.display());
+        let help = format!("correct it in {}, or name another channel or `scale`", file.path.display());
         sources.error(&node.place, what, Some(help))
     };
     let mut checked = NumberCurve::new();

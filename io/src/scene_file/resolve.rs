@@ -408,7 +408,7 @@ impl Resolver<'_> {
     fn curves(&mut self, last_frame: i64) {
         let frames = [self.description.timeline.start, last_frame];
         for curves::Curve { path, number, keys, file, .. } in &self.scene.curves {
-            file.iter().for_each(|file| self.takes(file.clone()));
+            file.iter().for_each(|file| self.takes(file.path.clone()));
             // A property that never changes in its file holds for the whole shot.
             if !(keys.len() == 1 && file.is_some()) {
                 self.within_the_shot(path, "this curve", keys.iter().map(|(frame, _)| *frame), frames);

@@ -1,14 +1,13 @@
 //! Frame rates of files beside that of the shot.
 
-use drapery_io::input_motion::InputMotion;
 use drapery_io::mesh_source::FrameRate;
 
 /// Rates that differ by less than this share are one: 24000/1001 in a few digits is, 24 is not.
 const SAME: f64 = 2e-4;
 
-/// The frame rate of a file where it is not that of the shot: who says which, and the line to write.
-pub(crate) fn other_rate(motion: &InputMotion, fps: f64) -> Option<(String, String)> {
-    let (rate, how) = match motion.source.frame_rate()? {
+/// The frame rate of a file where it is not the rate of the shot: the source of the rate, and the line to write.
+pub(crate) fn other_rate(rate: FrameRate, fps: f64) -> Option<(String, String)> {
+    let (rate, how) = match rate {
         FrameRate::Stated(rate) if is_same(rate / fps, 1.0) => return None,
         FrameRate::Stated(rate) => (rate, "the file states"),
         // Several samples to a frame, or one to several frames.

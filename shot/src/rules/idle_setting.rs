@@ -1,7 +1,9 @@
-//! Numbers that change nothing because of another setting.
+//! Settings that change nothing because of another one.
+
+use std::collections::BTreeSet;
 
 use drapery_core::effects;
-use drapery_core::scene::EffectRequest;
+use drapery_core::scene::{ContactRule, ContactSide, EffectRequest};
 use drapery_core::settings::{SettingValue, Settings};
 
 use super::{Facts, Finding};
@@ -28,7 +30,7 @@ fn idle_settings() -> [Idle; 1] {
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let of_effects = facts.scene.effects.iter().flat_map(|request| of_effect(facts, request));
-    of_effects.chain(of_bodies(facts)).collect()
+    of_effects.chain(of_bodies(facts)).chain(of_contacts(facts)).collect()
 }
 
 fn of_effect(facts: &Facts<'_>, request: &EffectRequest) -> Vec<Finding> {
@@ -59,6 +61,32 @@ fn of_bodies(facts: &Facts<'_>) -> Vec<Finding> {
     let because = "the shot has no pre-roll in which the body could hold it";
     let line = "preroll = { settle = 24, blend = 24 } in [shot]";
     with_rest.map(|body| finding(body.label.clone(), "rest", because, line)).collect()
+}
+
+/// Rules of contact for a garment whose parts all have a rule of their own for the same pair.
+fn of_contacts(facts: &Facts<'_>) -> Vec<Finding> {
+    let rules = &facts.scene.contacts;
+    let is_idle = |rule: &ContactRule| {
+        let [a, b] = rule.between;
+        a != b && [(a, b), (b, a)].into_iter().any(|(side, other)| is_covered(facts, side, other))
+    };
+    let idle = rules.iter().enumerate().filter(|(_, rule)| is_idle(rule));
+    let of_rule = |(number, _): (usize, &ContactRule)| Finding {
+        object: format!("contact {number}"),
+        message: "it changes nothing here: rules for parts cover all vertices of the garment".to_owned(),
+        line: "smaller parts, or leave this rule out".to_owned(),
+    };
+    idle.map(of_rule).collect()
+}
+
+/// Whether all vertices of a garment belong to parts that have a rule with `other`.
+fn is_covered(facts: &Facts<'_>, side: ContactSide, other: ContactSide) -> bool {
+    let ContactSide::Garment(garment) = side else { return false };
+    let description = &facts.scene.garments[garment];
+    let parts = description.parts.values().enumerate();
+    let ruled = parts.filter(|(part, _)| facts.scene.contact_rule(ContactSide::Part(garment, *part), other).is_some());
+    let covered: BTreeSet<u32> = ruled.flat_map(|(_, vertices)| vertices.iter().copied()).collect();
+    !covered.is_empty() && facts.start_of(garment).is_some_and(|points| points.len() == covered.len())
 }
 
 fn finding(object: String, key: &str, because: &str, line: &str) -> Finding {

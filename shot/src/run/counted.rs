@@ -12,6 +12,7 @@ use crate::run::observer::Observer;
 use crate::run::totals::{self, Totals};
 use crate::run_record::RECORD;
 use crate::run_record::reader::{FrameRow, Record, in_words, recovery_line};
+use crate::run_record::strains::WorstStrains;
 
 /// Results that a run has to answer for.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,6 +21,8 @@ pub(super) struct Counted {
     pub(super) exceeded: Vec<Exceeded>,
     /// Frames whose counts are not known, as ranges.
     pub(super) uncounted: Vec<[i64; 2]>,
+    /// Largest strains of each garment.
+    pub(super) strains: Vec<WorstStrains>,
     /// The largest strain between pins that was reported.
     told_strain: f64,
     /// The largest strain of any cloth that was.
@@ -53,6 +56,7 @@ impl Counted {
 
     /// Adds a frame; returns what is to be said of it.
     fn add(&mut self, row: &FrameRow) -> Vec<String> {
+        WorstStrains::add(&mut self.strains, row);
         let risen = quality::watch(&mut self.exceeded, row.frame, |name| row.amount(name));
         let limits = risen.iter().map(quality::first_rise);
         let torn = pinned::news(&mut self.told_strain, row);

@@ -40,6 +40,7 @@ use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
 use crate::run_record::manifest::{AttemptRecord, former_files, listed_files};
 use crate::run_record::reader::Record;
+use crate::run_record::strains::beyond_fabric;
 use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
 use crate::towards_frame::{Reached, towards_frame};
@@ -134,7 +135,8 @@ impl Shot {
         let record = Record::read(&options.out.join(RECORD))?;
         let frames = [self.about.timeline.start, self.about.last_frame];
         dump::nothing_left(&options.dump, self.about.last_frame).into_iter().for_each(|text| observer.note(text));
-        let Counted { exceeded, uncounted, .. } = Counted::of(&record, frames, &mut |text| observer.note(text));
+        let Counted { exceeded, uncounted, strains, .. } =
+            Counted::of(&record, frames, &mut |text| observer.note(text));
         Ok(RunReport {
             outcome: Outcome::NothingToDo,
             frame: self.about.last_frame,
@@ -145,6 +147,7 @@ impl Shot {
             layers: planned_layers(self, &options.out),
             exceeded,
             uncounted,
+            beyond_fabric: beyond_fabric(&strains, &self.about.garments, &self.about.fabrics),
             ranks: self.remote_simulation.ranks().count(),
         })
     }
@@ -550,6 +553,7 @@ impl<'a> Run<'a> {
             frames,
             files: self.output.files().into_iter().chain(belts::files(&self.shot, &self.options.out)).collect(),
             layers: self.output.layer_files(),
+            beyond_fabric: beyond_fabric(&self.counted.strains, &self.shot.about.garments, &self.shot.about.fabrics),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
             ranks: self.shot.remote_simulation.ranks().count(),

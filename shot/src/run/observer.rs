@@ -8,6 +8,7 @@ use drapery_core::simulation::FrameSummary;
 
 use crate::farm::stop::Reason;
 use crate::quality::Exceeded;
+use crate::run_record::strains::BeyondFabric;
 
 /// One frame that is done.
 #[derive(Debug, Clone, Copy)]
@@ -60,6 +61,8 @@ pub struct RunReport {
     pub exceeded: Vec<Exceeded>,
     /// Frames whose counts are not known, as ranges: earlier attempts simulated them, and the record does not tell.
     pub uncounted: Vec<[i64; 2]>,
+    /// Garments that were stretched beyond the limit of their fabric.
+    pub beyond_fabric: Vec<BeyondFabric>,
     /// Number of ranks of this attempt.
     pub ranks: usize,
 }

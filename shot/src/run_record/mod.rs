@@ -4,6 +4,7 @@
 pub mod folder;
 pub mod manifest;
 pub mod reader;
+pub mod strains;
 pub(crate) mod writer;
 
 /// File name of the manifest; a folder that has one holds a run.

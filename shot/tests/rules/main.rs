@@ -431,14 +431,25 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
     };
     let held = with(HERO) + "rest = \"hero.abc@1\"\n";
     let standing = |folder: &Path| hero(folder, STANDING, 24.0, true);
+    let halves = |second: &str| {
+        with(&format!(
+            "{BALL}[[garment.part]]\nname = \"left\"\nwhere = {{ box = {{ min = [-9, -9, -9], max = [9, 9, 0] }} }}\n\
+             [[garment.part]]\nname = \"right\"\nwhere = {{ box = {{ min = [-9, -9, {second}], max = [9, 9, 9] }} }}\n\
+             [[contact]]\nbetween = [\"sheet.left\", \"ball\"]\nfriction = 0.1\n\
+             [[contact]]\nbetween = [\"ball\", \"sheet.right\"]\nfriction = 0.2\n\
+             [[contact]]\nbetween = [\"sheet\", \"ball\"]\nfriction = 0.3\n"
+        ))
+    };
     rule(
         "idle_setting",
         standing,
         &[
+            (&halves("1e-6"), &["contact 2: it changes nothing here", "smaller parts"]),
             (&ball("ambient = 90000"), &["garment \"sheet\", pressure: `ambient` changes nothing here", "gas = true"]),
             (&held, &["body \"hero\": `rest` changes nothing here", "preroll"]),
         ],
         &[
+            &halves("0.2"),
             &ball("ambient = 90000\ngas = true"),
             &held.replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 2 }"),
         ],

@@ -12,6 +12,17 @@ use crate::formats::ChannelSamples;
 const VALUES: &str = ".vals";
 const INDICES: &str = ".indices";
 
+/// The compound of the properties that artists add.
+const USER: &str = ".userProperties";
+
+/// A property with samples.
+struct Found<'a> {
+    name: &'a str,
+    samples: &'a Samples,
+    /// Whether an artist has added it.
+    is_user: bool,
+}
+
 /// Samples of a property of an object, wherever among its properties it is, at their times [s].
 ///
 /// # Errors
@@ -22,9 +33,9 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
     let place = format!("{object}.{property}");
     let Some(samples) = find(&properties, property) else {
         let mut found = Vec::new();
-        collect(&properties, &mut found);
-        let numbers = found.into_iter().filter(|(_, samples)| is_number(samples));
-        let names: Vec<&str> = numbers.map(|(name, _)| name).collect();
+        collect(&properties, false, &mut found);
+        let numbers = found.into_iter().filter(|property| is_number(property.samples));
+        let names: Vec<&str> = numbers.map(|property| property.name).collect();
         let advice = match names.is_empty() {
             true => "the object has no properties of numbers; export them as user properties".to_owned(),
             false => format!("its properties of numbers are {}", names.join(", ")),
@@ -41,10 +52,11 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
         let numbers = numbers.ok_or_else(|| IoError::data(path, &place, "it does not hold numbers", advice))?;
         Ok((samples.time_sampling().time(index), numbers))
     };
-    Ok(ChannelSamples { up: None, values: (0..count).map(sample).collect::<Result<_, IoError>>()? })
+    let values = (0..count).map(sample).collect::<Result<_, IoError>>()?;
+    Ok(ChannelSamples { up: None, stated_rate: archive.frames_per_second_hint(), values })
 }
 
-/// Channels of an archive: the properties of its objects that hold one number or three and change.
+/// Channels of an archive: the properties of its objects that hold one number or three, and change or were added by an artist.
 ///
 /// # Errors
 /// The archive is damaged.
@@ -52,10 +64,13 @@ pub(super) fn all(archive: &Archive) -> Result<Vec<ChannelSummary>, AlembicError
     let mut channels = Vec::new();
     for object in archive.objects() {
         let (properties, mut found) = (object.properties()?, Vec::new());
-        collect(&properties, &mut found);
-        for (name, samples) in found.into_iter().filter(|(_, samples)| !samples.is_constant() && is_number(samples)) {
-            let numbers = samples.element_count(0)? * usize::from(samples.data_type().extent);
-            channels.extend(ChannelSummary::of(object.path(), name, numbers, samples.len()));
+        collect(&properties, false, &mut found);
+        for Found { name, samples, is_user } in found {
+            let count = if samples.is_constant() { samples.len().min(1) } else { samples.len() };
+            if count > usize::from(!is_user) && is_number(samples) {
+                let numbers = samples.element_count(0)? * usize::from(samples.data_type().extent);
+                channels.extend(ChannelSummary::of(object.path(), name, numbers, count));
+            }
         }
     }
     Ok(channels)
@@ -74,17 +89,17 @@ fn find<'a>(compound: &'a Compound, name: &str) -> Option<&'a Samples> {
 
 /// Properties with samples, by the names that [`find`] takes: user properties and attributes, without those with a dot in front,
 /// which Alembic itself puts.
-fn collect<'a>(compound: &'a Compound, found: &mut Vec<(&'a str, &'a Samples)>) {
+fn collect<'a>(compound: &'a Compound, is_user: bool, found: &mut Vec<Found<'a>>) {
     for property in compound.iter() {
         match property.kind() {
             PropertyKind::Compound(inside) => {
                 match inside.samples(VALUES).filter(|_| inside.samples(INDICES).is_some()) {
-                    Some(samples) => found.push((property.name(), samples)),
-                    None => collect(inside, found),
+                    Some(samples) => found.push(Found { name: property.name(), samples, is_user }),
+                    None => collect(inside, is_user || property.name() == USER, found),
                 }
             }
             PropertyKind::Scalar(samples) | PropertyKind::Array(samples) if !property.name().starts_with('.') => {
-                found.push((property.name(), samples));
+                found.push(Found { name: property.name(), samples, is_user });
             }
             PropertyKind::Scalar(_) | PropertyKind::Array(_) => {}
         }

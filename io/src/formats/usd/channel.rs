@@ -20,5 +20,5 @@ pub(super) fn read(path: &Path, prim: &str, attribute: &str) -> Result<ChannelSa
     let samples = stage.numbers(prim, attribute)?;
     let values = samples.into_iter().map(|(code, value)| (code / (codes_per_frame * fps), value)).collect();
     let up = about.up_axis.as_deref().map(|axis| if axis == "Z" { UpAxis::Z } else { UpAxis::Y });
-    Ok(ChannelSamples { up, values })
+    Ok(ChannelSamples { up, stated_rate: Some(fps), values })
 }

@@ -228,7 +228,7 @@ pub struct Stored {
     pub to_world: [f64; 16],
 }
 
-/// An attribute that holds numbers and changes over time.
+/// An attribute that holds numbers, and changes over time or is custom.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
     /// Path of its prim.
@@ -237,7 +237,7 @@ pub struct Channel {
     pub attribute: String,
     /// Numbers of the first sample.
     pub numbers: usize,
-    /// Number of samples.
+    /// Number of samples: 1 if it never changes.
     pub samples: usize,
 }
 
@@ -368,7 +368,7 @@ impl Stage {
         self.ask(move |session| session.meshes.borrow()[mesh].read(&session.reading, code))
     }
 
-    /// Attributes of the prims that [`About`] lists that hold numbers and change over time, without primvars.
+    /// Attributes of the prims that [`About`] lists that hold numbers and either change over time or are custom, without primvars.
     ///
     /// # Errors
     /// A layer is damaged.

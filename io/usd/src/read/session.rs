@@ -23,6 +23,9 @@ const MOST_PRIMS: usize = if cfg!(fuzzing) { 2_000 } else { 100_000 };
 /// Prims of which `info` tells the type.
 const MOST_OTHERS: usize = 1000;
 
+/// Namespace of the attributes that Blender and Houdini make of custom properties.
+const USER: &str = "userProperties:";
+
 /// State that is queried on the thread of a stage.
 pub(crate) struct Session {
     pub(crate) reading: Reading,
@@ -107,7 +110,7 @@ impl Session {
                 names.extend(is_number.then(|| attribute.name().to_owned()));
             }
             let advice = match names.is_empty() {
-                true => "the stage has no such prim, or none of its attributes holds numbers; `drapery info` lists those that change over time".to_owned(),
+                true => "the stage has no such prim, or none of its attributes holds numbers; `drapery info` lists those that a scene can follow".to_owned(),
                 false => format!("its attributes of numbers are {}", names.join(", ")),
             };
             return Err(bad(what, &advice));
@@ -119,7 +122,7 @@ impl Session {
         samples.into_iter().map(plain).collect()
     }
 
-    /// Attributes of these prims that hold numbers and change over time, without primvars.
+    /// Attributes of these prims that hold numbers and either change over time or are custom, without primvars.
     pub(crate) fn channels(&self, prims: &[String]) -> Result<Vec<Channel>, UsdError> {
         let Self { reading, .. } = self;
         let mut channels = Vec::new();
@@ -129,9 +132,11 @@ impl Session {
             for attribute in reading.ok(prim.authored_attributes(), &prim)? {
                 let name = attribute.name().to_owned();
                 let samples = reading.ok(attribute.time_sample_times(), &prim)?.len();
-                if samples < 2 || name.starts_with("primvars:") {
+                let is_listed = samples > 1 || name.starts_with(USER) || reading.ok(attribute.is_custom(), &prim)?;
+                if !is_listed || name.starts_with("primvars:") {
                     continue;
                 }
+                let samples = samples.max(1);
                 if let Some(numbers) = reading.value(&attribute)?.as_ref().and_then(plain) {
                     channels.push(Channel { prim: path.clone(), attribute: name, numbers: numbers.len(), samples });
                 }
