@@ -29,9 +29,6 @@ use crate::units::{LengthUnit, Units, UpAxis, unlikely_size};
 use samples::Chosen;
 pub use single::{bytes_of, write_shot};
 
-/// Frame rates that differ by less than this share are one.
-const SAME_RATE: f64 = 1e-5;
-
 /// Request to convert a cache.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Conversion {
@@ -234,26 +231,16 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
     Err(IoError::data(&source.path, "objects", what, format!("choose one with --object: {names}")))
 }
 
-/// The cache that is converted. Its frames follow from its times and the rate that is said, or its own.
+/// The cache that is converted. Its frames follow from its times and the given rate, or its own.
 fn opened(conversion: &Conversion) -> Result<CacheFrames, IoError> {
-    let mut source = opened_at_rate(conversion)?;
+    let mut source = match conversion.fps {
+        Some((numerator, denominator)) => {
+            CacheFrames::open_at_rate(&conversion.from, f64::from(numerator) / f64::from(denominator))?
+        }
+        None => CacheFrames::open(&conversion.from)?,
+    };
     source.read_in(conversion.from_length, conversion.from_up);
     Ok(source)
-}
-
-/// The same, in its own units.
-fn opened_at_rate(conversion: &Conversion) -> Result<CacheFrames, IoError> {
-    let Some((numerator, denominator)) = conversion.fps else { return CacheFrames::open(&conversion.from) };
-    let said = f64::from(numerator) / f64::from(denominator);
-    let source = CacheFrames::open_at_rate(&conversion.from, said)?;
-    match source.stated_fps.filter(|fps| (fps - said).abs() > SAME_RATE * said) {
-        Some(fps) => {
-            let what = format!("the frames of this file are at {fps} fps, but --fps is {numerator}/{denominator}");
-            let advice = "leave --fps out: a different rate would change the time of every frame";
-            Err(IoError::data(&conversion.from, "frame rate", what, advice))
-        }
-        None => Ok(source),
-    }
 }
 
 /// The frame rate as a fraction.

@@ -32,6 +32,7 @@ pub mod error;
 pub mod file_summary;
 pub mod formats;
 pub mod garment_mesh;
+mod hdf5_file;
 pub mod input_file;
 pub mod input_motion;
 pub mod materials;

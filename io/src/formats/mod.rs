@@ -22,6 +22,9 @@ use crate::input_file;
 use crate::mesh_data::MeshReader;
 use crate::units::{Units, UpAxis};
 
+/// Frame rates that differ by less than this share are one.
+const SAME_RATE: f64 = 1e-5;
+
 /// Opens a mesh, or the objects of it whose path fits the pattern.
 pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoError>;
 
@@ -302,12 +305,17 @@ impl CacheFrames {
         Self::open_as(path, Opening { root, rate: None })
     }
 
-    /// Opens a cache; the samples of an Alembic file, which have times, are in frames of this rate whatever the file says.
+    /// Opens a cache whose samples have times, those of an Alembic file, and which does not state the rate of its frames.
     ///
     /// # Errors
-    /// As [`CacheFrames::open`].
+    /// As [`CacheFrames::open`]; or it states another rate.
     pub fn open_at_rate(path: &Path, frames_per_second: f64) -> Result<Self, IoError> {
-        Self::open_as(path, Opening { root: None, rate: Some(frames_per_second) })
+        let opened = Self::open_as(path, Opening { root: None, rate: Some(frames_per_second) })?;
+        let is_other = |stated: &f64| (stated - frames_per_second).abs() > SAME_RATE * frames_per_second;
+        let Some(stated) = opened.stated_fps.filter(is_other) else { return Ok(opened) };
+        let what = format!("the frames of this file are at {stated} fps, not at {frames_per_second}");
+        let advice = "leave the rate out (`--fps`, `fps=`): another one would change the time of every frame";
+        Err(IoError::data(path, "frame rate", what, advice))
     }
 
     fn open_as(path: &Path, opening: Opening) -> Result<Self, IoError> {

@@ -112,6 +112,10 @@ def test_samples_of_which_none_is_at_a_whole_frame_keep_their_times(tmp_path: Pa
     with drapery.CacheWriter(path, POINTS, FACES, frames=(1, 3)) as writer:
         for frame in (1, 2, 3):
             writer.write(moved(frame))
+    with pytest.raises(drapery.InputError, match="at 24 fps, not at 12"):
+        drapery.open_cache(path, fps=12)
+    # A file of another program, which states no rate.
+    path.write_bytes(path.read_bytes().replace(b"DCC_FPS", b"XCC_FPS"))
     # 0.7 frames for each of those that were written.
     mesh = drapery.open_cache(path, fps=16.8).mesh
     assert np.allclose(mesh.frames, [0.7, 1.4, 2.1]) and len(mesh) == 3 and "frames 0.7 to 2.1" in repr(mesh)

@@ -17,6 +17,7 @@ use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal::{self, damaged};
 use crate::error::IoError;
 use crate::formats::hdf5::datasets::place_of;
+use crate::hdf5_file;
 use crate::input_file;
 
 /// Number of bytes that are checked at a time.
@@ -133,7 +134,7 @@ fn read_at(file: &mut File, range: Range<u64>) -> std::io::Result<Vec<u8>> {
 
 /// Head, content hash and sections of a file whose seal was checked and that has `length` bytes.
 fn read_sealed(path: &Path, length: u64) -> hdf5::Result<(Head, String, Vec<PlacedSection>)> {
-    let file = hdf5::File::with_options().with_fapl(|access| access.file_locking(false)).open(path)?;
+    let file = hdf5_file::open(path)?;
     let text = |name: &str| Ok::<_, hdf5::Error>(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string());
     let mut head: Head =
         serde_json::from_str(&text("head")?).map_err(|e| hdf5::Error::from(format!("attribute head: {e}")))?;

@@ -15,6 +15,7 @@ use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal;
 use crate::error::IoError;
 use crate::formats::hdf5::reserved;
+use crate::hdf5_file;
 use crate::sha256::hex;
 
 /// Space that a checkpoint takes beside its arrays and its head, at most [bytes].
@@ -226,12 +227,7 @@ impl SnapshotSink for CheckpointWriter {
 
 /// Creates the file in the library, with all that is known at the start.
 fn lay_out_head(path: &Path, head: &Head, text: &str, hash: &str) -> hdf5::Result<hdf5::File> {
-    // Times of change are left out so that equal states give equal bytes. Some network disks have no locks; the lock of the
-    // run protects the folder.
-    let root = hdf5::File::with_options()
-        .with_fapl(|access| access.libver_v110().file_locking(false))
-        .with_fcpl(|create| create.userblock(seal::LENGTH as u64).obj_track_times(false))
-        .create(path)?;
+    let root = hdf5_file::create(path, seal::LENGTH as u64)?;
     let texts =
         [("application", head.application.as_str()), ("shot", &head.shot), ("content_hash", hash), ("head", text)];
     for (name, text) in texts {

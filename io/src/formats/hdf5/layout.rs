@@ -12,6 +12,7 @@ use super::{NORMAL_INDICES, fixed_digest};
 use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::triangles_to_store;
+use crate::hdf5_file;
 use crate::mesh_data::MeshData;
 
 /// Version of the layout, stored as the attribute `format_version`.
@@ -61,11 +62,7 @@ enum Values<'a> {
 
 /// Creates the file, fills in what does not change, and closes it. `data` is the mesh of the plan.
 pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<Offsets> {
-    // Times of change are left out so that equal runs give equal bytes.
-    let file = hdf5::File::with_options()
-        .with_fapl(|access| access.libver_v110())
-        .with_fcpl(|create| create.obj_track_times(false))
-        .create(path)?;
+    let file = hdf5_file::create(path, 0)?;
     for (name, text) in texts(plan) {
         file.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&unicode(&text)?)?;
     }
@@ -113,7 +110,7 @@ pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
 
 /// The outer error is the library's, the inner one says what differs from the plan.
 fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<Result<Layout, String>> {
-    let file = hdf5::File::open(path)?;
+    let file = hdf5_file::open(path)?;
     let (_, [frames]) = dataset::<1>(&file, "frame_numbers")?;
     // Each frame has at least its mark.
     if frames == 0 || frames as u64 > file.size() {

@@ -12,6 +12,7 @@ use crate::attributes::{CONTACT, PointAttributes, REST, STRAIN, StoredValues, TH
 use crate::cache_frames::{CacheFrames, CacheMesh, CacheSamples, Shifted, StoredFrame, placed, units};
 use crate::error::IoError;
 use crate::formats::Opening;
+use crate::hdf5_file;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, MeshData, Uvs};
 use crate::normals::SplitNormals;
@@ -35,7 +36,7 @@ pub(super) fn open(path: &Path, _: Opening) -> Result<CacheFrames, IoError> {
 }
 
 fn opened(path: &Path) -> hdf5::Result<CacheFrames> {
-    let file = hdf5::File::open(path)?;
+    let file = hdf5_file::open(path)?;
     let text =
         |name: &str| -> hdf5::Result<String> { Ok(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string()) };
     let committed = values::<u8>(&file, "committed")?;

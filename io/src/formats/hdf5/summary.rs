@@ -8,6 +8,7 @@ use super::{NORMAL_INDICES, datasets, not_a_cache};
 use crate::attributes::{CONTACT, REST, STRAIN, THICKNESS};
 use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, Normals, face_kinds};
+use crate::hdf5_file;
 use crate::input_file;
 
 /// Looks into a cache of this layout.
@@ -20,7 +21,7 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
 }
 
 fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
-    let file = hdf5::File::open(path)?;
+    let file = hdf5_file::open(path)?;
     let text = |name: &str| Ok::<_, hdf5::Error>(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string());
     let committed = datasets::values::<u8>(&file, "committed")?;
     let frames = datasets::values::<i64>(&file, "frame_numbers")?;

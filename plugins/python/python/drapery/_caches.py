@@ -203,7 +203,7 @@ def open_cache(path: PathLike, fps: float | None = None) -> Cache:
     """Opens an Alembic, HDF5 or USD cache, of Drapery or of another program. ``fps`` is the rate in frames per second of an
     Alembic file that does not say it.
 
-    Raises InputError if the file is missing, damaged or no cache.
+    Raises InputError if the file is missing, damaged or no cache, or states another rate.
     """
     return Cache(_native.Cache(os.fspath(path), fps), Path(path))
 
