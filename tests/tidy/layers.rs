@@ -49,10 +49,11 @@ const ROOMS: [&str; 34] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 31] = [
+const IO_ROOMS: [&str; 32] = [
     "platform",
     "error",
     "input_file",
+    "hdf5_file",
     "atomic_file",
     "written_file",
     "units",

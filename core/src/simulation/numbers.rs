@@ -14,7 +14,10 @@ use crate::settings::SettingValue;
 use crate::setup::validate::check_number;
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::SavedSection;
+use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
+use crate::step::{Contacts, Scratch};
+use crate::volumes::Volumes;
 
 /// Most keys of a curve at which its effect is built before the start: of more, those of the least and the largest values.
 const KEYS_BUILT: usize = 8;
@@ -122,24 +125,32 @@ impl Simulation {
     }
 
     /// Builds effects, bodies and contact of another form of the scene around the state in `memory`, with `tracks` where they change.
+    /// What it replaces is dropped first: both together would be the most memory of the run.
     ///
     /// # Errors
-    /// The effects cannot be built; the simulation is then as it was.
+    /// The effects cannot be built; the simulation is then built as it was.
     pub(super) fn rebuild(
         &mut self,
         scene: Arc<Scene>,
         tracks: Option<Vec<Samples>>,
         memory: &[(&'static Room, SavedSection)],
     ) -> Result<(), SnapshotError> {
-        let error = |what: String| SnapshotError { section: "scene".into(), what };
-        // Before anything is taken.
-        let effects = build_each(&scene, true).map_err(|problems| error(problems.to_string()))?;
-        let tracks = tracks.unwrap_or_else(|| std::mem::take(&mut self.prescribed.tracks));
+        let error = |problems: Problems| SnapshotError { section: "scene".into(), what: problems.to_string() };
+        self.drop_what_is_built();
+        let (scene, effects, refused) = match build_each(&scene, true) {
+            Ok(effects) => (scene, effects, Ok(())),
+            Err(problems) => {
+                let present = Arc::clone(&self.scene);
+                let effects = build_each(&present, true).map_err(error)?;
+                (present, effects, Err(error(problems)))
+            }
+        };
+        let tracks = tracks.filter(|_| refused.is_ok()).unwrap_or_else(|| std::mem::take(&mut self.prescribed.tracks));
         let mut bodies = std::mem::take(&mut self.prescribed.bodies);
         bodies.take_properties(&scene);
         let wind = std::mem::take(&mut self.dynamics.wind);
-        let mut built = Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind))
-            .map_err(|problems| error(problems.to_string()))?;
+        let mut built =
+            Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind)).map_err(error)?;
         built.restore_sections(self.frame, memory)?;
         (built.sent, built.balance) = (self.sent, self.balance.clone());
         std::mem::swap(&mut built.metrics, &mut self.metrics);
@@ -151,6 +162,15 @@ impl Simulation {
         std::mem::swap(&mut built.start_layers, &mut self.start_layers);
         std::mem::swap(&mut built.start_lengths, &mut self.start_lengths);
         *self = built;
-        Ok(())
+        refused
+    }
+
+    /// Drops what follows from the scene and from the sections of a snapshot, and takes much memory.
+    fn drop_what_is_built(&mut self) {
+        self.contacts = Contacts::default();
+        self.cloth.scratch = Scratch::default();
+        self.dynamics.forces = PartForces::default();
+        self.dynamics.filters.clear();
+        self.dynamics.volumes = Volumes::default();
     }
 }

@@ -86,7 +86,8 @@ impl PairTerms {
     ) {
         self.clear();
         let own = nodes.own();
-        let mut of_vertices: Vec<(usize, Incidence)> = Vec::new();
+        self.terms.reserve_exact(pairs.len());
+        let mut of_vertices: Vec<(usize, Incidence)> = Vec::with_capacity(4 * pairs.len());
         for (term, pair) in (0..).zip(pairs) {
             let [along, across] = pair.damping.map(|damping| alpha * damping);
             let along = along + alpha * alpha * pair.stiffness;
@@ -104,8 +105,8 @@ impl PairTerms {
                 }
             }
         }
-        // Stable: the order of the pairs stays.
-        of_vertices.sort_by_key(|(vertex, _)| *vertex);
+        // The order of the pairs stays. A stable sort would take more memory.
+        of_vertices.sort_unstable_by_key(|(vertex, incidence)| (*vertex, incidence.term));
         let mut rest = of_vertices.into_iter().peekable();
         for range in parts.ranges() {
             self.first_nodes.push(range.start - parts.own().start + own.start);

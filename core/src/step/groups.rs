@@ -85,6 +85,7 @@ impl Prescribed {
 }
 
 /// Contacts of the cloth.
+#[derive(Default)]
 pub(crate) struct Contacts {
     /// Bodies, if the scene has any.
     pub bodies: Option<BodyCollision>,
@@ -126,7 +127,7 @@ impl Contacts {
 }
 
 /// Arrays that a step writes and the next one overwrites; never saved.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Scratch {
     /// v½ [m/s].
     pub(super) v_half: Vec<Vec3>,

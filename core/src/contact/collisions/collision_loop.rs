@@ -128,6 +128,21 @@ impl CollisionLoop {
         proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
+        departure: Departure,
+        metrics: &mut Metrics,
+    ) -> LoopOutcome {
+        let outcome = self.resolve_candidates(collisions, proximity, search, paths, departure, metrics);
+        // Pieces of a search along paths would be the largest memory beside the solves of the next step.
+        self.candidates.truncate(1);
+        outcome
+    }
+
+    fn resolve_candidates(
+        &mut self,
+        collisions: &mut Collisions<'_>,
+        proximity: &mut ProximityList,
+        search: &mut PairSearch,
+        paths: &mut NodePaths,
         mut departure: Departure,
         metrics: &mut Metrics,
     ) -> LoopOutcome {

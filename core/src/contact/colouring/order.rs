@@ -20,7 +20,7 @@ impl Order {
     /// Reorders lists of pairs, each of which has all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells
     /// their nodes. Pairs of a colour keep their order. Pairs with a point of a body have no colour, and stand behind
     /// the others. All ranks call it together.
-    pub(crate) fn of<const N: usize, T: Clone>(
+    pub(crate) fn of<const N: usize, T: Copy>(
         lists: [&mut Vec<T>; N],
         nodes: &ContactNodes,
         nodes_of: impl Fn(&T) -> [u32; 4],
@@ -34,7 +34,7 @@ impl Order {
     }
 
     /// Reorders pairs by their colours, of which there are so many.
-    fn by_colour<T: Clone>(pairs: &mut Vec<T>, colours: &[u32], count: usize) -> Self {
+    fn by_colour<T: Copy>(pairs: &mut Vec<T>, colours: &[u32], count: usize) -> Self {
         let place_of = |colour: u32| if colour == NO_COLOUR { count } else { colour as usize };
         let mut starts = vec![0usize; count + 2];
         colours.iter().for_each(|colour| starts[place_of(*colour) + 1] += 1);
@@ -46,7 +46,7 @@ impl Order {
             order[*place] = pair as u32;
             *place += 1;
         }
-        *pairs = order.iter().map(|pair| pairs[*pair as usize].clone()).collect();
+        permute(pairs, &mut order);
         Self { colours: (0..count).map(|colour| starts[colour]..starts[colour + 1]).collect() }
     }
 
@@ -59,6 +59,23 @@ impl Order {
     /// Pairs of each colour, by their place.
     pub(crate) fn colours(&self) -> &[Range<usize>] {
         &self.colours
+    }
+}
+
+/// Puts the item that `sources` names for each place into that place, without another list of the items.
+fn permute<T: Copy>(items: &mut [T], sources: &mut [u32]) {
+    for start in 0..items.len() {
+        let (first, mut place) = (items[start], start);
+        // A cycle of places. Each becomes its own source once it has its item.
+        loop {
+            let source = std::mem::replace(&mut sources[place], place as u32) as usize;
+            if source == start {
+                items[place] = first;
+                break;
+            }
+            items[place] = items[source];
+            place = source;
+        }
     }
 }
 
@@ -77,6 +94,16 @@ mod tests {
         let [order] = Order::of([&mut list], &alone(20), |pair| *pair);
         assert_eq!(order.colours(), std::slice::from_ref(&(0..3)));
         assert_eq!(list, [[0, 1, 2, 3], [7, 8, 9, 10], [11, 12, 13, 14], [4, 5, 6, 20]]);
+    }
+
+    #[test]
+    fn items_take_the_places_of_their_cycles() {
+        // A cycle of three, one of two, and an item that stays.
+        let mut items = ["a", "b", "c", "d", "e", "f"];
+        let mut sources = [2, 4, 3, 0, 1, 5];
+        permute(&mut items, &mut sources);
+        assert_eq!(items, ["c", "e", "d", "a", "b", "f"]);
+        assert_eq!(sources, [0, 1, 2, 3, 4, 5]);
     }
 
     #[test]

@@ -100,7 +100,7 @@ impl ActivePair {
 pub(super) struct PairsOfKind {
     pub(super) oriented: Vec<OrientedPair>,
     /// Upper bound on the damping time of each of `oriented` in this step [s]; for the solves of long steps.
-    pub(super) damping_times: Vec<f64>,
+    pub(super) damping_times: Vec<f32>,
     pub(super) order: Order,
     /// The active ones of `oriented` in a short step, in the order of their colours.
     pub(super) active: Vec<ActivePair>,

@@ -62,6 +62,9 @@ const CHUNK: usize = 1024;
 /// Pieces of a list of pairs that are oriented at once.
 const PIECES: usize = 64;
 
+/// Size of the lists of sides up to which their memory is kept from step to step [bytes].
+const KEPT_SIDES: usize = 16 << 20;
+
 /// Bound on a distance, over the distance at which pairs act, from which on no rounding brings them to act.
 const CERTAINLY_APART: f64 = 1.01;
 
@@ -155,7 +158,7 @@ impl Repulsions {
         let kind = |k: &PairsOfKind| {
             k.oriented.capacity() * size_of::<OrientedPair>()
                 + k.active.capacity() * size_of::<ActivePair>()
-                + k.damping_times.capacity() * size_of::<f64>()
+                + k.damping_times.capacity() * size_of::<f32>()
         };
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
@@ -199,16 +202,20 @@ impl Repulsions {
 
     /// Puts the pairs of each kind into the order of their colours, no two pairs of which share a node, and in it by their nodes.
     fn sort_by_colours(&mut self, nodes: &ContactNodes) {
-        let mut lists = self.kinds.each_ref().map(|of_kind| {
-            let mut places: Vec<([u32; 4], u32)> =
-                of_kind.oriented.iter().zip(0..).map(|(oriented, place)| (oriented.pair.nodes, place)).collect();
-            places.par_sort_unstable_by_key(|(nodes, _)| *nodes);
-            places
-        });
-        let orders = Order::of(lists.each_mut(), nodes, |(nodes, _)| *nodes);
-        for (of_kind, (order, places)) in self.kinds.iter_mut().zip(orders.into_iter().zip(lists)) {
-            of_kind.oriented = places.into_par_iter().map(|(_, place)| of_kind.oriented[place as usize]).collect();
-            of_kind.order = order;
+        self.kinds
+            .iter_mut()
+            .for_each(|of_kind| of_kind.oriented.par_sort_unstable_by_key(|oriented| oriented.pair.nodes));
+        let lists = self.kinds.each_mut().map(|of_kind| &mut of_kind.oriented);
+        let orders = Order::of(lists, nodes, |oriented| oriented.pair.nodes);
+        self.kinds.iter_mut().zip(orders).for_each(|(of_kind, order)| of_kind.order = order);
+    }
+
+    /// Gives long lists of sides back, which nothing needs until they are recorded anew.
+    pub(crate) fn release_sides(&mut self) {
+        let bytes: usize =
+            self.kinds.iter().map(|of_kind| of_kind.oriented.capacity() * size_of::<OrientedPair>()).sum();
+        if bytes > KEPT_SIDES {
+            self.kinds.iter_mut().for_each(|of_kind| (of_kind.oriented, of_kind.damping_times) = Default::default());
         }
     }
 

@@ -178,7 +178,7 @@ pub(super) fn pair_forces(
     for PairsOfKind { oriented, damping_times, .. } in kinds.iter_mut() {
         if !at.is_guess || damping_times.len() != oriented.len() {
             damping_times.clear();
-            damping_times.par_extend(oriented.par_iter().map(|pair| pair.longest_damping_time(at)));
+            damping_times.par_extend(oriented.par_iter().map(|pair| rounded_up(pair.longest_damping_time(at))));
         }
     }
     let history = |pair: &Pair| {
@@ -188,10 +188,10 @@ pub(super) fn pair_forces(
     let mut all = Vec::new();
     for of_kind in &*kinds {
         let chunks = of_kind.oriented.par_chunks(CHUNK).zip(of_kind.damping_times.par_chunks(CHUNK));
-        let of_chunk = |(pairs, times): (&[OrientedPair], &[f64])| {
+        let of_chunk = |(pairs, times): (&[OrientedPair], &[f32])| {
             let mut near = Vec::new();
             for (pair, time) in pairs.iter().zip(times) {
-                if !pair.is_out_of_touch(at, *time) {
+                if !pair.is_out_of_touch(at, f64::from(*time)) {
                     near.push(pair);
                 }
             }
@@ -202,6 +202,12 @@ pub(super) fn pair_forces(
     }
     all.sort_unstable_by_key(|force| force.pair);
     all
+}
+
+/// An upper bound in single precision.
+fn rounded_up(bound: f64) -> f32 {
+    let rounded = bound as f32;
+    if f64::from(rounded) < bound { rounded.next_up() } else { rounded }
 }
 
 /// The spring of a pair, and with it the law of its push (`docs/theory/tr_bdf2.md#repulsion-in-the-solves`).

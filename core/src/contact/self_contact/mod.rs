@@ -368,6 +368,7 @@ impl SelfContact {
         if let Some(repulsions) = &mut self.repulsions {
             metrics.count("inverted_pairs", repulsions.inverted());
             repulsions.positions_changed();
+            repulsions.release_sides();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
         self.elapsed = duration;
