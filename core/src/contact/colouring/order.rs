@@ -34,7 +34,7 @@ impl Order {
     }
 
     /// Reorders pairs by their colours, of which there are so many.
-    fn by_colour<T: Copy>(pairs: &mut Vec<T>, colours: &[u32], count: usize) -> Self {
+    fn by_colour<T: Copy>(pairs: &mut [T], colours: &[u32], count: usize) -> Self {
         let place_of = |colour: u32| if colour == NO_COLOUR { count } else { colour as usize };
         let mut starts = vec![0usize; count + 2];
         colours.iter().for_each(|colour| starts[place_of(*colour) + 1] += 1);
