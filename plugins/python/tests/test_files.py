@@ -119,6 +119,7 @@ def "control"
     custom double slip.timeSamples = { 1: 0.5, 3: 0.25 }
     custom double3 fall.timeSamples = { 1: (0, -9.8, 0), 2: (0, 0, 0), 3: (0, 9.8, 0) }
     custom double still = 1.5
+    double3 xformOp:translate = (1, 0, 0)
 }
 """
 
@@ -127,7 +128,8 @@ def test_channels_of_a_file(tmp_path: Path) -> None:
     (tmp_path / "control.usda").write_text(CONTROL)
     channels = sorted(drapery.info(tmp_path / "control.usda").channels, key=lambda channel: channel.channel)
     fall, slip = drapery.ChannelInfo("/control.fall", 3, 3), drapery.ChannelInfo("/control.slip", 1, 2)
-    assert channels == [fall, slip], "a number that stands still is no channel"
+    still = drapery.ChannelInfo("/control.still", 1, 1)
+    assert channels == [fall, slip, still], "a custom number that stands still is a channel, a transform that does is none"
 
 
 def test_a_run_has_a_report_and_a_short_repr(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use drapery_alembic::{AlembicError, Archive, Compound, PodType, PropertyKind, Samples};
 
+use super::write::METRES_PER_UNIT;
 use crate::error::IoError;
 use crate::file_summary::ChannelSummary;
 use crate::formats::ChannelSamples;
@@ -67,7 +68,8 @@ pub(super) fn all(archive: &Archive) -> Result<Vec<ChannelSummary>, AlembicError
         collect(&properties, false, &mut found);
         for Found { name, samples, is_user } in found {
             let count = if samples.is_constant() { samples.len().min(1) } else { samples.len() };
-            if count > usize::from(!is_user) && is_number(samples) {
+            let is_listed = count > 1 || (count == 1 && is_user && name != METRES_PER_UNIT);
+            if is_listed && is_number(samples) {
                 let numbers = samples.element_count(0)? * usize::from(samples.data_type().extent);
                 channels.extend(ChannelSummary::of(object.path(), name, numbers, count));
             }

@@ -37,6 +37,9 @@ use crate::written_file;
 /// faces; who cuts those along other diagonals sees another surface.
 pub(super) const TRIANGLES: &str = "triangles";
 
+/// User property: the unit of length [m].
+pub(super) const METRES_PER_UNIT: &str = "metres_per_unit";
+
 /// The garment that a render mesh follows.
 pub(super) const RENDER_MESH_OF: &str = "render_mesh_of";
 
@@ -318,7 +321,7 @@ impl AlembicWriter {
         for (name, text) in &self.properties {
             archive.write_static_string(properties, name, text)?;
         }
-        archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
+        archive.write_static_scalar(properties, METRES_PER_UNIT, &[self.units.length.metres()])?;
         if let Some(garment) = &still.render_mesh_of {
             archive.write_static_string(properties, RENDER_MESH_OF, garment)?;
         }
