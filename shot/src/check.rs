@@ -235,7 +235,7 @@ fn outside(motion: &InputMotion, span: Span) -> Option<Problem> {
     let (first, last) = (times.first()?, times.last()?);
     let (first, last) = (span.frame_at(*first), span.frame_at(*last));
     let fps = span.timeline.fps();
-    let own = motion.source.frame_rate().and_then(|rate| rates::other_rate(rate, fps));
+    let own = rates::other_rate(motion.source.frame_rate(), fps);
     let advice = match &own {
         Some((_, line)) => format!("write {line}, or choose frames inside it with shot.frames or --frames"),
         None => "export the whole range, or choose frames inside it with shot.frames or --frames; check shot.fps too"

@@ -126,7 +126,7 @@ pub(super) fn strains(rows: &[FrameRow], garments: &[ManifestGarment]) -> String
             [largest, p99_9].map(|peak| [number(percent(peak.strain)), number(peak.frame.to_string())]);
         [vec![words(garment)], largest.into(), p99_9.into(), vec![number(limit)]].concat()
     };
-    let is_beyond = |worst: &&WorstStrains| limit_of(&worst.garment).is_some_and(|limit| worst.p99_9.strain > limit);
+    let is_beyond = |worst: &&WorstStrains| limit_of(&worst.garment).is_some_and(|limit| worst.exceeds(limit));
     let beyond: Vec<&str> = worst.iter().filter(is_beyond).map(|worst| &*worst.garment).collect();
     let mut note =
         "<p>Strain of edges at the end of each frame (extension divided by rest length): the largest, and the 99.9th \

@@ -125,7 +125,7 @@ impl Simulation {
     }
 
     /// Builds effects, bodies and contact of another form of the scene around the state in `memory`, with `tracks` where they change.
-    /// What it replaces is dropped first: both together would be the most memory of the run.
+    /// The parts to be replaced are dropped first: the old and the new ones together would be the memory peak of the run.
     ///
     /// # Errors
     /// The effects cannot be built; the simulation is then built as it was.

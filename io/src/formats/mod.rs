@@ -308,7 +308,7 @@ impl CacheFrames {
     /// Opens a cache whose samples have times, those of an Alembic file, and which does not state the rate of its frames.
     ///
     /// # Errors
-    /// As [`CacheFrames::open`]; or it states another rate.
+    /// Errors of [`CacheFrames::open`]; the file states another rate.
     pub fn open_at_rate(path: &Path, frames_per_second: f64) -> Result<Self, IoError> {
         let opened = Self::open_as(path, Opening { root: None, rate: Some(frames_per_second) })?;
         let is_other = |stated: &f64| (stated - frames_per_second).abs() > SAME_RATE * frames_per_second;

@@ -6,8 +6,8 @@ use drapery_io::mesh_source::FrameRate;
 const SAME: f64 = 2e-4;
 
 /// The frame rate of a file where it is not the rate of the shot: the source of the rate, and the line to write.
-pub(crate) fn other_rate(rate: FrameRate, fps: f64) -> Option<(String, String)> {
-    let (rate, how) = match rate {
+pub(crate) fn other_rate(rate: Option<FrameRate>, fps: f64) -> Option<(String, String)> {
+    let (rate, how) = match rate? {
         FrameRate::Stated(rate) if is_same(rate / fps, 1.0) => return None,
         FrameRate::Stated(rate) => (rate, "the file states"),
         // Several samples to a frame, or one to several frames.

@@ -13,8 +13,8 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let fps = facts.inputs.timeline.fps();
     let mut findings: Vec<Finding> = Vec::new();
     let of_motion =
-        |motion: &InputMotion| of_file(&motion.label, motion.source.path(), motion.source.frame_rate()?, fps);
-    let of_channel = |channel: &ChannelRate| of_file(&channel.object, &channel.path, channel.rate, fps);
+        |motion: &InputMotion| of_file(&motion.label, motion.source.path(), motion.source.frame_rate(), fps);
+    let of_channel = |channel: &ChannelRate| of_file(&channel.object, &channel.path, Some(channel.rate), fps);
     for finding in facts.motions().filter_map(of_motion).chain(facts.check.channels.iter().filter_map(of_channel)) {
         // A track of several pins is named once.
         if !findings.contains(&finding) {
@@ -24,7 +24,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     findings
 }
 
-fn of_file(object: &str, path: &Path, rate: FrameRate, fps: f64) -> Option<Finding> {
+fn of_file(object: &str, path: &Path, rate: Option<FrameRate>, fps: f64) -> Option<Finding> {
     let (how, line) = other_rate(rate, fps)?;
     let message = format!(
         "{}: {how} frames per second, but the shot has {}: their frames do not line up",

@@ -25,7 +25,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
 fn of_motion(facts: &Facts<'_>, motion: &InputMotion) -> Option<Finding> {
     let timeline = facts.inputs.timeline;
     let fps = timeline.fps();
-    if motion.source.frame_rate().and_then(|rate| other_rate(rate, fps)).is_some() {
+    if other_rate(motion.source.frame_rate(), fps).is_some() {
         return None;
     }
     let [first, last] = [timeline.origin, facts.last_frame].map(|frame| timeline.file_time(frame));

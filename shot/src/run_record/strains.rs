@@ -32,6 +32,11 @@ impl WorstStrains {
         worst
     }
 
+    /// Whether the garment was stretched beyond this strain: the 99.9th percentile counts.
+    pub fn exceeds(&self, limit: f64) -> bool {
+        self.p99_9.strain > limit
+    }
+
     /// Adds the strains of a frame.
     pub(crate) fn add(worst: &mut Vec<Self>, row: &FrameRow) {
         for found in &row.strains {
@@ -71,10 +76,10 @@ pub(crate) fn beyond_fabric(
     garments: &[String],
     fabrics: &[Option<Fabric>],
 ) -> Vec<BeyondFabric> {
-    let of_garment = |WorstStrains { garment, p99_9, .. }: &WorstStrains| {
-        let fabric = fabrics.get(garments.iter().position(|name| name == garment)?)?.as_ref()?;
-        let is_beyond = p99_9.strain > fabric.strain_limit;
-        is_beyond.then(|| BeyondFabric { garment: garment.clone(), fabric: fabric.clone(), p99_9: *p99_9 })
+    let of_garment = |found: &WorstStrains| {
+        let fabric = fabrics.get(garments.iter().position(|name| *name == found.garment)?)?.as_ref()?;
+        let beyond = || BeyondFabric { garment: found.garment.clone(), fabric: fabric.clone(), p99_9: found.p99_9 };
+        found.exceeds(fabric.strain_limit).then(beyond)
     };
     worst.iter().filter_map(of_garment).collect()
 }

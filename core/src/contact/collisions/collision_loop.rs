@@ -128,21 +128,6 @@ impl CollisionLoop {
         proximity: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
-        departure: Departure,
-        metrics: &mut Metrics,
-    ) -> LoopOutcome {
-        let outcome = self.resolve_candidates(collisions, proximity, search, paths, departure, metrics);
-        // Pieces of a search along paths would be the largest memory beside the solves of the next step.
-        self.candidates.truncate(1);
-        outcome
-    }
-
-    fn resolve_candidates(
-        &mut self,
-        collisions: &mut Collisions<'_>,
-        proximity: &mut ProximityList,
-        search: &mut PairSearch,
-        paths: &mut NodePaths,
         mut departure: Departure,
         metrics: &mut Metrics,
     ) -> LoopOutcome {
@@ -211,6 +196,11 @@ impl CollisionLoop {
             stopped: stopped > 0,
             stopped_nodes: response.stopped_nodes,
         }
+    }
+
+    /// Frees the candidates but for one piece: after a search along paths they would be the largest memory beside the next step's solves.
+    pub(crate) fn release_candidates(&mut self) {
+        self.candidates.truncate(1);
     }
 
     /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.

@@ -480,6 +480,7 @@ impl SelfContact {
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, proximity, search, paths, departure, metrics);
+        work.release_candidates();
         // Where another rank alone has new ghosts, this one sends more.
         if !surface.nodes().is_laid_out_as(&kept) {
             let renumber = surface.set_nodes(kept);

@@ -46,14 +46,13 @@ pub(super) fn read(path: &Path, object: &str, property: &str) -> Result<ChannelS
     if samples.is_empty() {
         return Err(IoError::data(path, place, "it has no samples", "export it again"));
     }
-    let count = if samples.is_constant() { 1 } else { samples.len() };
     let sample = |index: usize| {
         let numbers = numbers(samples, index)?;
         let advice = "name a property of one number, or of three";
         let numbers = numbers.ok_or_else(|| IoError::data(path, &place, "it does not hold numbers", advice))?;
         Ok((samples.time_sampling().time(index), numbers))
     };
-    let values = (0..count).map(sample).collect::<Result<_, IoError>>()?;
+    let values = (0..sample_count(samples)).map(sample).collect::<Result<_, IoError>>()?;
     Ok(ChannelSamples { up: None, stated_rate: archive.frames_per_second_hint(), values })
 }
 
@@ -67,7 +66,7 @@ pub(super) fn all(archive: &Archive) -> Result<Vec<ChannelSummary>, AlembicError
         let (properties, mut found) = (object.properties()?, Vec::new());
         collect(&properties, false, &mut found);
         for Found { name, samples, is_user } in found {
-            let count = if samples.is_constant() { samples.len().min(1) } else { samples.len() };
+            let count = sample_count(samples);
             let is_listed = count > 1 || (count == 1 && is_user && name != METRES_PER_UNIT);
             if is_listed && is_number(samples) {
                 let numbers = samples.element_count(0)? * usize::from(samples.data_type().extent);
@@ -76,6 +75,11 @@ pub(super) fn all(archive: &Archive) -> Result<Vec<ChannelSummary>, AlembicError
         }
     }
     Ok(channels)
+}
+
+/// Number of samples; one for a value that never changes.
+fn sample_count(samples: &Samples) -> usize {
+    if samples.is_constant() { samples.len().min(1) } else { samples.len() }
 }
 
 /// The first property of this name that has samples, in the object's own compound or in one inside.

@@ -131,9 +131,11 @@ impl Session {
             let prim = prim.map_err(|error| reading.bad(path, error.to_string(), "export the file again"))?;
             for attribute in reading.ok(prim.authored_attributes(), &prim)? {
                 let name = attribute.name().to_owned();
+                if name.starts_with("primvars:") {
+                    continue;
+                }
                 let samples = reading.ok(attribute.time_sample_times(), &prim)?.len();
-                let is_listed = samples > 1 || name.starts_with(USER) || reading.ok(attribute.is_custom(), &prim)?;
-                if !is_listed || name.starts_with("primvars:") {
+                if samples < 2 && !name.starts_with(USER) && !reading.ok(attribute.is_custom(), &prim)? {
                     continue;
                 }
                 let samples = samples.max(1);
