@@ -17,7 +17,7 @@ HEAD = """\
 # Last runs of `make test-full`
 
 A row for each test too long for CI, of its last run. `make test-full` renews all of them, `make test-full ONLY=…` those that
-it selects. The solver is a digest of the sources of `core`: long shots are kept by it and go on where they were.
+it selects. The solver is a digest of the sources of `core` without comments: long shots are kept by it and go on where they were.
 
 """
 COLUMNS = ["test", "result", "figures", "date", "commit", "solver", "machine"]

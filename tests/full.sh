@@ -5,9 +5,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# What is committed of `core`, without its tests and benches.
-sources=$(git ls-tree -r HEAD core 2>/dev/null | grep -vE '/(tests|benches|examples)(/|\.rs)' || true)
-solver=$(git hash-object --stdin <<<"$sources" 2>/dev/null | cut -c1-7)
+# Digest of the sources of `core` that are committed, without its tests and benches and without lines that are comments.
+skipped=()
+for name in tests tests.rs benches examples; do skipped+=("--exclude=$name"); done
+solver=$({ git archive HEAD core | tar -xO "${skipped[@]}" | sed '/^ *\/\//d' | git hash-object --stdin; } 2>/dev/null | cut -c1-7) || true
 export DRAPERY_LONG_RUNS=${DRAPERY_LONG_RUNS:-target/long-runs/$solver}
 mkdir -p "$DRAPERY_LONG_RUNS"
 
