@@ -132,7 +132,7 @@ pub(crate) struct SceneArgs {
     /// Frames to deliver, for example 1001-1100 [default: the scene's range]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
-    /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
+    /// Set a parameter or any key of the scene, for example resolution=80 or garment.skirt.material=silk_light; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
     /// Settings file from `drapery study --write-preset`; --set overrides it. A preset of the solver is set by --set

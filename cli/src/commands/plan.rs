@@ -69,7 +69,7 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &contacts::text(shot.simulation().scene().description());
     text += &curves_text(shot.simulation().scene().description());
     text += &memory_text(shot);
-    text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
+    text += &format!("longest time step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
     for file in shot.referred_files() {
         text += &format!("reads {}, referenced by a file of the scene\n", file.display());
