@@ -15,7 +15,6 @@ NAMES = {
     "ranks": "what many ranks cost and bring; writes dev/measurements/ranks.md",
     "study": "what accuracy costs in time, by `drapery study`; writes dev/measurements/studies.md",
     "symptoms": "the remedies of guide/troubleshooting.md, before and after; writes its table",
-    "words": "words of the pages by who they are for; writes dev/measurements/documentation.md",
 }
 
 

@@ -58,7 +58,7 @@ pub struct Material {
     pub linearity: f64,
     /// Damping as a fraction of critical.
     pub damping_ratio: f64,
-    /// Coulomb friction on bodies and on cloth of the same material.
+    /// Coulomb friction on bodies and on cloth of the same material. Cloth of two materials has the mean of both.
     pub friction: f64,
     /// Source of the numbers, and the changes made to them.
     pub provenance: Cow<'static, str>,

@@ -137,7 +137,8 @@ impl SceneDescription {
 
 described! { ContactRule as rule {
     "friction", rule.friction => None, default Absent, range (0.0, 100.0),
-        "Coulomb friction between the two; left out, that of the body, or of `[self_repulsion]` between cloth and cloth";
+        "Coulomb friction between the two; left out, that of the body; between cloth and cloth that of `[self_repulsion]`, or if it has \
+         none the mean of both materials";
     "thickness", rule.thickness => Length, default Absent, range (0.0, LARGEST_THICKNESS),
         "distance that the two keep; left out, that of the body, or of the thicker garment";
 } }
