@@ -37,7 +37,8 @@ fn section(spec: &EffectSpec) -> String {
         let _ = write!(text, "\n```toml\n{}\n```\n", spec.example);
     }
     if spec.fields.is_empty() {
-        text += "\nIt has no settings of its own.\n";
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "\nIts settings are the keys of {}.", links(tables_of(spec.name)));
         return text;
     }
     text += "\n| setting | unit | default | range | |\n|---|---|---|---|---|\n";
@@ -83,6 +84,23 @@ fn asked_for(spec: &EffectSpec) -> String {
         (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),
         (Scope::Implied, name) => panic!("say here what asks for {name}"),
     }
+}
+
+/// Tables of the scene with the settings of an effect that has no table of its own.
+fn tables_of(name: &str) -> &'static [&'static str] {
+    match name {
+        "pins" | "attachments" => &["garment.pin"],
+        "elastic_bands" => &["garment.elastic"],
+        "seams" => &["seam"],
+        "body_collision" => &["body", "contact"],
+        _ => panic!("say here where {name} is set"),
+    }
+}
+
+/// Links to tables in the reference of the scene file.
+fn links(tables: &[&str]) -> String {
+    let link = |table: &&str| format!("[`[[{table}]]`](scene.md#{})", table.replace('.', ""));
+    tables.iter().map(link).collect::<Vec<_>>().join(" and ")
 }
 
 /// Returns the settings that materials bring for an effect, if there are any.
