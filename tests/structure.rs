@@ -68,7 +68,7 @@ impl Modules {
         self.code.keys().filter(is_inside).filter_map(|other| other.last().cloned()).collect()
     }
 
-    /// The module that has what a path leads to, also where others hand it on, at most so many.
+    /// Module with the item that a path leads to, also through re-exports, of which it follows at most `others`.
     fn source(
         &self,
         module: &Module,

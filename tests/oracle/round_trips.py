@@ -1,7 +1,7 @@
 """Round trips of eight bytes over TCP, which show the latency of a cable.
 
     python round_trips.py serve            answers the first who asks, until they end
-    python round_trips.py ask HOST NUMBER  prints the times of so many round trips [s], the shortest first
+    python round_trips.py ask HOST NUMBER  prints the times of NUMBER round trips [s], the shortest first
 
 Both wait as ranks do: they ask again and again whether something has come, and let others have the processor in between.
 """

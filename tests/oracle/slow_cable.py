@@ -1,4 +1,4 @@
-"""A cable between two network namespaces that delays what goes through it, and lets only so many bytes a second pass.
+"""A cable between two network namespaces that delays what goes through it, and limits its bytes a second.
 
     python slow_cable.py DELAY RATE
 

@@ -40,7 +40,7 @@ def wait_for_frame(out, frame, process):
 
 
 def make_foreign(out, silent_for):
-    """Makes the lock in a folder that of a process on another machine, heard of so many seconds ago."""
+    """Makes the lock in a folder that of a process on another machine, last heard of `silent_for` seconds ago."""
     lock = out / "lock.json"
     owner = json.loads(lock.read_text())
     owner.update(host="another-machine", boot="another-boot", heartbeat=int(time.time()) - silent_for)

@@ -1,7 +1,7 @@
 """A run that is stopped, killed or robbed of its disk goes on with the same command and ends with the same bytes.
 
 What is expected are the bytes of the run that nobody disturbed. T1 to T14 are rows of the test matrix of restarts; T4
-needs several ranks, T11 and T12 are tested elsewhere. Moments are random with a fixed seed: after so many frames and a
+needs several ranks, T11 and T12 are tested elsewhere. Moments are random with a fixed seed: after a number of frames and a
 part of one; where in a frame they fall depends on the machine.
 """
 

@@ -17,7 +17,7 @@ from .recording import HEADER
 from .scene_text import MESHES, plain_name
 
 ATTRIBUTE = "Drapery Colours"
-# Contact is coloured up to so many thicknesses.
+# Distance up to which contact is coloured [thicknesses].
 FAR = 2.0
 
 

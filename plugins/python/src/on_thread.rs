@@ -44,7 +44,7 @@ impl Caller {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// The same for whoever keeps it.
+    /// Flag of the cancellation, shared with its holder.
     pub(crate) fn cancelled(&self) -> Arc<AtomicBool> {
         self.cancelled.clone()
     }

@@ -137,7 +137,7 @@ def study(
 
     ``vary`` says what is varied, by the names that ``drapery study --vary`` takes, such as ``{"cfl": [4, 2, 1]}``; when left out,
     steps and solves, and one at a time what else costs time. ``max_wall`` is what it may take [s], ``budget`` the most time
-    that a frame may take with the recommended setting [s]. ``grid`` takes all combinations, ``latin`` so many of them. ``copies``
+    that a frame may take with the recommended setting [s]. ``grid`` takes all combinations, ``latin`` this number of them. ``copies``
     are runs with shifted positions, ``repeats`` runs of every setting whose time is given.
 
     Ctrl-C ends it and is raised; what was run is in the folder, and called again it resumes. Raises SceneError, InputError,
