@@ -45,8 +45,8 @@ pub fn start(description: SceneDescription) -> Simulation {
     Simulation::new(scene, &FrameInput::to_frame(frame)).unwrap_or_else(|p| panic!("{p}"))
 }
 
-/// A square metre of `cells` by `cells` cells with springs of this stiffness [N/m], of which two pinned edges turn against each other by so
-/// many turns a second while they come closer, for some frames of 1/24 s; the choice of the integrator is left to the solver.
+/// A square metre of `cells` by `cells` cells with springs of this stiffness [N/m], of which two pinned edges turn against each other by
+/// `turns` turns a second while they come closer, for some frames of 1/24 s; the choice of the integrator is left to the solver.
 pub fn wrung(cells: usize, stiffness: f64, turns: f64, frames: i64) -> SceneDescription {
     let mut description = cloth(cells, 1.0 / cells as f64, stiffness);
     description.solver.integrator = Integrator::Auto;
