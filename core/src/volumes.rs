@@ -60,7 +60,7 @@ impl Gas {
     #[cfg(feature = "effects")]
     pub(crate) fn energy(&self, volume: f64) -> f64 {
         let share = self.share(volume);
-        let work = self.ambient * (share - 1.0) - (self.ambient + self.overpressure) * share.ln();
+        let work = self.ambient * (share - 1.0) - (self.ambient + self.overpressure) * libm::log(share);
         work * self.rest_volume.abs()
     }
 }

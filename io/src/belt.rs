@@ -47,7 +47,8 @@ struct Outline {
 impl Outline {
     /// The point at a distance from the hull.
     fn at(&self, distance: f64) -> [f64; 2] {
-        [self.base[0] + distance * self.angle.cos(), self.base[1] + distance * self.angle.sin()]
+        let (sin, cos) = libm::sincos(self.angle);
+        [self.base[0] + distance * cos, self.base[1] + distance * sin]
     }
 }
 
@@ -195,7 +196,7 @@ fn pieces(count: usize, segments: &[[usize; 2]]) -> Vec<usize> {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 /// The convex hull of points, counter-clockwise (A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions",
@@ -228,7 +229,7 @@ fn offset_outline(hull: &[[f64; 2]]) -> Vec<Outline> {
     let side = |k: usize| {
         let (a, b) = (hull[k % hull.len()], hull[(k + 1) % hull.len()]);
         // Outwards is to the right of a side that runs counter-clockwise.
-        (a[0] - b[0]).atan2(b[1] - a[1]).rem_euclid(std::f64::consts::TAU)
+        libm::atan2(a[0] - b[0], b[1] - a[1]).rem_euclid(std::f64::consts::TAU)
     };
     let mut outline = Vec::new();
     for k in 0..hull.len() {

@@ -293,9 +293,9 @@ pub fn likely_unit(size: f64, units: InputUnits, other: f64) -> Option<LengthUni
     if !factor.is_finite() || is_about(factor) {
         return None;
     }
-    let miss = |unit: &LengthUnit| (factor * unit.metres() / units.metres).ln().abs();
+    let miss = |unit: &LengthUnit| libm::log(factor * unit.metres() / units.metres).abs();
     let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b)))?;
-    (miss(&likely) < NEAR_UNIT.ln()).then_some(likely)
+    (miss(&likely) < libm::log(NEAR_UNIT)).then_some(likely)
 }
 
 /// Heights that a body from a file may have without anyone asking [m]: from a doll to a four-storey creature.
@@ -349,7 +349,7 @@ pub fn unlikely_size(bounds: [Vec3; 2], units: InputUnits) -> Option<UnlikelySiz
     }
     let height = bounds[1].y - bounds[0].y;
     let stored = extent / units.metres;
-    let miss = |unit: &LengthUnit| (stored * unit.metres() / PERSON).ln().abs();
+    let miss = |unit: &LengthUnit| libm::log(stored * unit.metres() / PERSON).abs();
     let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap_or_default();
     let size = if height > 0.0 && (height - extent).abs() < 1e-9 * extent { "high" } else { "across" };
     let read_as = units.plural();

@@ -19,6 +19,38 @@ const FORBIDDEN: [(&str, &str); 9] = [
 /// The only file with a clock.
 const CLOCK: &str = "core/src/clock.rs";
 
+/// Functions of the system's mathematical library, which takes others on another processor; sums, products and square roots are the
+/// same everywhere.
+const OF_THE_SYSTEM: [&str; 27] = [
+    ".sin(",
+    ".cos(",
+    ".tan(",
+    ".sin_cos(",
+    ".asin(",
+    ".acos(",
+    ".atan(",
+    ".atan2(",
+    ".sinh(",
+    ".cosh(",
+    ".tanh(",
+    ".asinh(",
+    ".exp(",
+    ".exp2(",
+    ".exp_m1(",
+    ".ln(",
+    ".ln_1p(",
+    ".log(",
+    ".log2(",
+    ".log10(",
+    ".powf(",
+    ".cbrt(",
+    ".hypot(",
+    ".slerp(",
+    "from_scaled_axis",
+    "from_axis_angle",
+    "Quaternion::rotation_between",
+];
+
 /// The only file in which bytes of messages become values, or end the run: `pod_collect_to_vec` fills up a broken one.
 const DECODING: (&str, &str) = ("core/src/parallel/message.rs", "pod_collect_to_vec");
 
@@ -65,6 +97,19 @@ fn the_solver_reads_no_files_prints_nothing_and_has_one_clock() {
                 complaints.push(format!("{}: {word}: {why}", file.name));
             }
         }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn results_depend_on_no_function_of_the_mathematical_library() {
+    let readers = rust_files().into_iter().filter(|f| f.name.starts_with("io/src/") && !f.name.ends_with("/tests.rs"));
+    let mut complaints = Vec::new();
+    for file in solver_files().into_iter().chain(readers) {
+        let code = code_only(&file.text);
+        let code = without_tests(&code);
+        let found = OF_THE_SYSTEM.iter().filter(|name| code.contains(**name));
+        complaints.extend(found.map(|name| format!("{}: {name}: use libm or geometry::rotation", file.name)));
     }
     report(&complaints);
 }

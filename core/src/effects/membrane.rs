@@ -198,7 +198,7 @@ fn warp_at_rest(grain: Vec3, corners: [Vec3; 3]) -> Vec3 {
 /// A direction in a triangle turned about its normal by `angle` [rad].
 fn turned(direction: Vec3, corners: [Vec3; 3], angle: f64) -> Vec3 {
     let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = libm::sincos(angle);
     direction * cos + normal.cross(&direction) * sin
 }
 

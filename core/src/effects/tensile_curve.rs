@@ -163,21 +163,21 @@ impl TensileCurve {
     /// by the stiffness at rest; zero in compression.
     pub(crate) fn rise(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension) / self.extension;
-        self.gain * (1.0 + self.exponent) * within.powf(self.exponent)
+        self.gain * (1.0 + self.exponent) * libm::pow(within, self.exponent)
     }
 
     /// Returns the excess of the energy by rest area, likewise.
     pub(crate) fn extra_energy(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension);
         let beyond = strain.max(within) - within;
-        let force = self.gain * within * (within / self.extension).powf(self.exponent);
+        let force = self.gain * within * libm::pow(within / self.extension, self.exponent);
         force * within / (self.exponent + 2.0) + beyond * (force + 0.5 * beyond * self.rise(within))
     }
 
     /// Returns the excess of the force, by strain and stiffness at rest, divided by R − 1; zero in compression.
     fn share(&self, strain: f64) -> f64 {
         let within = strain.clamp(0.0, STRAIGHT * self.extension);
-        let power = (within / self.extension).powf(self.exponent);
+        let power = libm::pow(within / self.extension, self.exponent);
         // Straight on: the force at the end, and the slope there times what is beyond.
         if strain > within { power * (1.0 + self.exponent * (1.0 - within / strain)) } else { power }
     }

@@ -89,7 +89,7 @@ impl Ridges {
 
 impl Ridge {
     fn between([one, other]: [&Face; 2]) -> Option<Self> {
-        let angle = one.normal.cross(&other.normal).norm().atan2(one.normal.dot(&other.normal));
+        let angle = libm::atan2(one.normal.cross(&other.normal).norm(), one.normal.dot(&other.normal));
         let apart = (one.middle - other.middle).norm();
         let (diameter, area) = (one.diameter.max(other.diameter), one.area + other.area);
         let ridge = Self { angle, curvature: angle / apart, diameter, area };
@@ -102,7 +102,7 @@ impl Ridge {
             return 0.0;
         }
         let sunk = self.curvature * (cloth * cloth + self.diameter * self.diameter) / 8.0;
-        let of_ridge = if cloth < self.diameter { 0.5 * cloth * self.angle.sin() } else { f64::INFINITY };
+        let of_ridge = if cloth < self.diameter { 0.5 * cloth * libm::sin(self.angle) } else { f64::INFINITY };
         sunk.min(of_ridge).min(MOST / self.curvature)
     }
 }

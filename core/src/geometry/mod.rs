@@ -17,6 +17,7 @@ pub mod face_cuts;
 pub mod moving_surface;
 pub(crate) mod path;
 pub mod random;
+pub mod rotation;
 pub(crate) mod self_crossing;
 pub(crate) mod shape_mesh;
 pub mod shapes;

@@ -467,7 +467,7 @@ impl MovingSurface {
         };
         let x = &self.positions[1];
         let (u, v) = (x[q as usize] - x[p as usize], x[r as usize] - x[p as usize]);
-        u.cross(&v).norm().atan2(u.dot(&v))
+        libm::atan2(u.cross(&v).norm(), u.dot(&v))
     }
 }
 

@@ -71,12 +71,18 @@ fn an_edge_crosses(a: &[u32; 3], b: &[u32; 3], x: &[Vec3]) -> bool {
         return false;
     }
     let corners = b.map(|v| x[v as usize]);
-    let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-    let in_front = a.map(|v| normal.dot(&(x[v as usize] - corners[0])) >= 0.0);
+    let [first, second] = [corners[1] - corners[0], corners[2] - corners[0]];
+    let (normal, size) = (first.cross(&second), first.norm() * second.norm());
+    // Zero on the plane: rounding says nothing of two triangles in one plane.
+    let sides = a.map(|v| {
+        let from = x[v as usize] - corners[0];
+        let volume = normal.dot(&from);
+        if volume.abs() > tolerances::VOLUME * size * from.norm() { volume.signum() } else { 0.0 }
+    });
     (0..3).any(|k| {
         let l = (k + 1) % 3;
         let free = !shared[k] && !shared[l];
-        free && in_front[k] != in_front[l] && line_meets(&[x[a[k] as usize], x[a[l] as usize]], &corners)
+        free && sides[k] * sides[l] < 0.0 && line_meets(&[x[a[k] as usize], x[a[l] as usize]], &corners)
     })
 }
 
@@ -143,7 +149,7 @@ mod tests {
             let [a, b, c] = t.map(|v| x[v as usize] - p);
             let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
             let bottom = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-            sum += 2.0 * a.cross(&b).dot(&c).atan2(bottom);
+            sum += 2.0 * libm::atan2(a.cross(&b).dot(&c), bottom);
         }
         sum / (4.0 * std::f64::consts::PI)
     }
@@ -190,6 +196,22 @@ mod tests {
     fn a_surface_that_does_not_cross_itself_has_no_pairs() {
         let (triangles, x) = torus(24, 1.0, 0.3);
         assert_eq!(find(&triangles, &x, &tree_over(&triangles, &x)), SelfCrossing::default());
+    }
+
+    #[test]
+    fn a_flat_cap_does_not_cross_itself_however_it_lies() {
+        let mut random = SplitMix64::new(9);
+        let triangles: Vec<[u32; 3]> = (0..32).map(|k| [0, 1 + k, 1 + (k + 1) % 32]).collect();
+        for _ in 0..200 {
+            let [u, w] = [random.vector().normalize(), random.vector()];
+            let axes = [u, u.cross(&w).normalize()];
+            let on_rim = |k: u32| {
+                let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k) / 32.0);
+                axes[0] * cos + axes[1] * sin
+            };
+            let x: Vec<Vec3> = std::iter::once(Vec3::zeros()).chain((0..32).map(on_rim)).collect();
+            assert_eq!(find(&triangles, &x, &tree_over(&triangles, &x)).pairs, Vec::<[u32; 2]>::new());
+        }
     }
 
     #[test]

@@ -29,7 +29,7 @@ impl Shape {
             Shape::Cylinder { radius, half_length: h } => {
                 let farthest = radius + STANDOFF * thickness;
                 let segments = segments(radius / farthest);
-                let around = (radius / (PI / segments as f64).cos()).min(farthest);
+                let around = (radius / libm::cos(PI / segments as f64)).min(farthest);
                 Some(revolved(&[[0.0, h], [around, h], [around, -h], [0.0, -h]], segments))
             }
             Shape::Box { half_extents } => Some(cuboid(&Vec3::from(half_extents))),
@@ -40,7 +40,7 @@ impl Shape {
 /// Number of segments of a circle of which half a segment has at least this cosine.
 fn segments(cosine: f64) -> usize {
     let [fewest, most] = SEGMENTS;
-    (PI / cosine.acos()).clamp(fewest, most).ceil() as usize
+    (PI / libm::acos(cosine)).clamp(fewest, most).ceil() as usize
 }
 
 /// Surface of revolution about the y axis of a line from a point on the axis down to another: distances from the axis and heights.
@@ -51,7 +51,7 @@ fn revolved(profile: &[[f64; 2]], segments: usize) -> ShapeMesh {
     let mut points = vec![Vec3::y() * *top, Vec3::y() * *bottom];
     for [from_axis, height] in rings {
         points.extend((0..segments).map(|k| {
-            let (sin, cos) = (TAU * k as f64 / segments as f64).sin_cos();
+            let (sin, cos) = libm::sincos(TAU * k as f64 / segments as f64);
             Vec3::new(from_axis * cos, *height, from_axis * sin)
         }));
     }

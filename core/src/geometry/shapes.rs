@@ -242,7 +242,7 @@ mod tests {
                 let beyond = (p.y.abs() - half_length).max(0.0);
                 p.x * p.x + p.z * p.z + beyond * beyond < radius * radius
             }
-            Shape::Cylinder { radius, half_length } => p.x.hypot(p.z) < radius && p.y.abs() < half_length,
+            Shape::Cylinder { radius, half_length } => libm::hypot(p.x, p.z) < radius && p.y.abs() < half_length,
             Shape::Box { half_extents: h } => (0..3).all(|k| p[k].abs() < h[k]),
         }
     }

@@ -126,6 +126,7 @@ impl PinTargets {
     /// Goes on to the step from `t0` to `t1`; `bodies` stand at `t1`, `x` are the positions at `t0` in solver order.
     pub(crate) fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], x: &[Vec3], (t0, t1): (f64, f64)) {
         self.dt = t1 - t0;
+        let [t0, t1] = [t0, t1].map(|time| bodies.time_of_motion(time));
         std::mem::swap(&mut self.at_t0, &mut self.at_t1);
         for i in 0..self.targets.len() {
             let (from, until) = self.windows[self.targets[i].pin];

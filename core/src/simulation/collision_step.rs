@@ -93,7 +93,7 @@ impl Simulation {
     fn time_steps(&mut self, most: u32, end: f64, summary: &mut FrameSummary) -> Result<TimeSteps, StepError> {
         let mut steps = TimeSteps { start: self.cloth.state.time, made: 0, failure: None };
         while steps.failure.is_none() && self.cloth.state.time < end && steps.made < most {
-            steps.failure = self.time_step(end, summary)?;
+            steps.failure = self.time_step(steps.made > 0, end, summary)?;
             steps.made += 1;
         }
         Ok(steps)
@@ -127,6 +127,9 @@ impl Simulation {
     /// Takes the state as the next collision-free one, and does what may be done only where nothing is taken back any more.
     fn accept(&mut self) {
         self.relax();
+        if self.prescribed.bodies.stands_still() {
+            return;
+        }
         if self.yields.is_some() {
             self.update_plasticity();
         }
@@ -180,6 +183,11 @@ impl Simulation {
         self.hold_still();
     }
 
+    /// Time of the shot at which the state is [s]; the clock of cloth that is untangled runs beside it.
+    pub(super) fn time_of_shot(&self) -> f64 {
+        self.prescribed.bodies.time_of_motion(self.cloth.state.time)
+    }
+
     /// Puts bodies and pins where they are at the time of the state, at rest.
     pub(super) fn hold_still(&mut self) {
         let Self { contacts, cloth, prescribed, .. } = self;
@@ -189,8 +197,13 @@ impl Simulation {
         contacts.bodies.iter_mut().for_each(BodyCollision::forget);
     }
 
-    /// B: one time step towards `end` [s]; what went wrong in it.
-    fn time_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Option<FailureKind>, StepError> {
+    /// B: one time step towards `end` [s], the first of a collision step or one that `follows` others; what went wrong in it.
+    fn time_step(
+        &mut self,
+        follows: bool,
+        end: f64,
+        summary: &mut FrameSummary,
+    ) -> Result<Option<FailureKind>, StepError> {
         let scene = Arc::clone(&self.scene);
         let settings = &scene.description().solver;
         let parts = scene.parts();
@@ -203,7 +216,10 @@ impl Simulation {
         self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { ShortStep::StrainRate } else { ShortStep::Stiffness };
-            let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.cloth.state.time);
+            if follows && choice.by_strain {
+                return Ok(Some(FailureKind::of_rate(rate)));
+            }
+            let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.time_of_shot());
             self.roll_back();
             return Err(StepError::StepTooSmall { frame: summary.frame, time, dt, min_dt, because });
         }

@@ -168,7 +168,7 @@ impl CostModel<'_> {
     /// Solves and iterations of so many long steps.
     fn long_solves(&self, steps: f64, in_contact: bool) -> [f64; 2] {
         let frame = self.scene.description().timeline.frame_duration();
-        let stiffness = (frame / steps / self.spring_step()).max(1.0).powf(STIFFNESS_POWER);
+        let stiffness = libm::pow((frame / steps / self.spring_step()).max(1.0), STIFFNESS_POWER);
         if !in_contact {
             return [steps * FREE_SOLVES, steps * FREE_SOLVES * FREE_ITERATIONS * stiffness];
         }

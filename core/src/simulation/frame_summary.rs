@@ -355,7 +355,7 @@ impl Simulation {
             garment: self.scene.description().garments[first.garment].name.clone(),
             vertex: first.vertex as usize,
             frame,
-            time: self.cloth.state.time,
+            time: self.time_of_shot(),
             stage,
             dt,
         }

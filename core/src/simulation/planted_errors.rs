@@ -74,7 +74,7 @@ fn swung(steps_per_second: u32, planted: Planted) -> Vec<Vec3> {
     // A push that stretches, shears and bends it.
     for (i, v) in simulation.cloth.state.v.iter_mut().enumerate() {
         let i = i as f64;
-        *v = Vec3::new((0.7 * i).sin(), (1.3 * i).cos(), (2.1 * i).sin());
+        *v = Vec3::new(libm::sin(0.7 * i), libm::cos(1.3 * i), libm::sin(2.1 * i));
     }
     for frame in 1..=i64::from(steps_per_second / 4) {
         let summary = simulation.advance(&FrameInput::to_frame(frame)).unwrap_or_else(|error| panic!("{error}"));
@@ -88,7 +88,7 @@ fn order(planted: Planted) -> f64 {
     let finest = swung(12_800, Planted::Nothing);
     let error = |steps: u32| {
         let squares = swung(steps, planted).iter().zip(&finest).map(|(a, b)| (a - b).norm_squared()).sum::<f64>();
-        squares.sqrt().log2()
+        libm::log2(squares.sqrt())
     };
     // Levels are a factor of two apart: -1.5, -0.5, 0.5 and 1.5 about their middle, with 5 as the sum of squares.
     let [a, b, c, d] = [400, 800, 1600, 3200].map(error);

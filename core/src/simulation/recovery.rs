@@ -87,6 +87,11 @@ pub(super) enum FailureKind {
 }
 
 impl FailureKind {
+    /// Failure of a state with a rate of strain that allows no further step [1/s].
+    pub(super) fn of_rate(rate: f64) -> Self {
+        if rate.is_finite() { Self::Wild } else { Self::NotFinite("the end of the step") }
+    }
+
     fn word(self) -> &'static str {
         match self {
             Self::NotFinite(_) => "not finite",
@@ -288,10 +293,8 @@ impl Simulation {
             return None;
         }
         let rate = self.rate_of_strain();
-        if !rate.is_finite() {
-            Some(FailureKind::NotFinite("the end of the step"))
-        } else if rate > self.largest_rate_of_strain() {
-            Some(FailureKind::Wild)
+        if !rate.is_finite() || rate > self.largest_rate_of_strain() {
+            Some(FailureKind::of_rate(rate))
         } else if ending == Ending::Resolved && self.was_struck() {
             Some(FailureKind::Struck)
         } else {
@@ -317,10 +320,22 @@ impl Simulation {
 
     /// After a collision step without failure, or one that is accepted.
     pub(super) fn relax(&mut self) {
+        let (ranks, short) = (self.scene.parts().ranks(), std::mem::take(&mut self.retry.of_step.1));
+        self.metrics.count_once(ranks, "cg_short", short);
+        let was_retrying = self.end_recovery();
+        let retry = &mut self.retry;
+        if retry.halvings > 0 {
+            retry.calm = if was_retrying { 0 } else { retry.calm + 1 };
+            if retry.calm >= CALM {
+                (retry.halvings, retry.calm) = (retry.halvings - 1, 0);
+            }
+        }
+    }
+
+    /// Leaves the levels of the present collision step; returns whether there was one.
+    pub(super) fn end_recovery(&mut self) -> bool {
         let retry = &mut self.retry;
         let was_retrying = retry.level.take().is_some();
-        let (ranks, short) = (self.scene.parts().ranks(), std::mem::take(&mut retry.of_step.1));
-        self.metrics.count_once(ranks, "cg_short", short);
         if was_retrying {
             (retry.halved, retry.held_attempts) = (0, 0);
             retry.concerned.clear();
@@ -329,12 +344,7 @@ impl Simulation {
                 contact.set_effort(Strategy::Usual, Vec::new());
             }
         }
-        if retry.halvings > 0 {
-            retry.calm = if was_retrying { 0 } else { retry.calm + 1 };
-            if retry.calm == CALM {
-                (retry.halvings, retry.calm) = (retry.halvings - 1, 0);
-            }
-        }
+        was_retrying
     }
 
     /// The next level against a failure; `None` when there is none left.
@@ -360,7 +370,7 @@ impl Simulation {
         let Some(level) = next else {
             let FailureKind::NotFinite(stage) = failure else { return Ok(false) };
             let vertex = vertices.first().map_or(0, |vertex| *vertex as usize);
-            let (time, dt) = (self.cloth.state.time, self.retry.dt);
+            let (time, dt) = (self.time_of_shot(), self.retry.dt);
             self.roll_back();
             return Err(StepError::NotFinite { garment, vertex, frame, time, stage, dt });
         };
@@ -368,7 +378,7 @@ impl Simulation {
         self.metrics.count_once(&ranks, level.count(), 1);
         self.roll_back();
         if self.retry.events.len() < KEPT {
-            let (time, failure, level) = (self.cloth.state.time, failure.word(), level.count());
+            let (time, failure, level) = (self.time_of_shot(), failure.word(), level.count());
             self.retry.events.push(Recovery { frame, time, failure, level, garment, vertices });
         }
         self.escalate(level);

@@ -3,7 +3,8 @@
 //!
 //! On its way out a line of intersection wanders over the cloth, and has more crossings at one time and fewer at another. So the cloth moves
 //! while bodies, pins and seams stay where the frame finds them, with its velocities damped, until no such crossing is left, or for some
-//! frames' length. The last state with no more of them than before is taken. No frame has more of them than the one before.
+//! frames' length. The last state with no more of them than before is taken. No frame has more of them than the one before. Nothing yields
+//! and no seam breaks meanwhile: the cloth has come there at no time of the shot.
 
 use super::{FrameSummary, Simulation};
 use crate::contact::self_contact::SelfContact;
@@ -25,6 +26,7 @@ impl Simulation {
         let start = self.cloth.state.clone();
         let mut best = start.x.clone();
         self.let_wander(true);
+        self.prescribed.bodies.stand_still(Some(from));
         self.cloth.state.time = from - MOST_FRAMES * self.scene.description().timeline.frame_duration();
         self.hold_still();
         let mut steps = 0;
@@ -48,6 +50,8 @@ impl Simulation {
         self.cloth.state.x = best;
         self.cloth.state.time = from;
         self.let_wander(false);
+        self.end_recovery();
+        self.prescribed.bodies.stand_still(None);
         self.hold_still();
         self.crossings = self.find_crossings();
     }

@@ -43,11 +43,12 @@ impl<'a> Solves<'a> {
     {
         let Evaluation { fraction, x, v, effective_masses, prescribed, volumes, wind, contacts } = at;
         let StepSettings { dt, stop, held, .. } = self.settings;
+        let time = prescribed.bodies.time_of_motion(self.time + fraction * dt);
         VelocityProblem {
             parts: self.parts,
             masses: self.masses,
             effective_masses,
-            context: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
+            context: ForceContext { time, targets: &prescribed.targets, v, wind, volumes },
             pins: prescribed.pins.as_ref(),
             contacts,
             half_step: 0.5 * dt,

@@ -3,6 +3,7 @@
 use drapery_core::Vec3;
 use drapery_core::geometry::coarseness::Ridges;
 use drapery_core::geometry::moving_surface::enclosed_share;
+use drapery_core::geometry::rotation::rotation_by;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{BodyDescription, BodyShape, Described, RigidMotion};
@@ -122,7 +123,7 @@ impl Resolver<'_> {
     /// A rotation; an axis without direction is recorded.
     pub(super) fn rotation(&mut self, rotation: Rotation, path: &Path) -> UnitQuaternion<f64> {
         match Unit::try_new(Vec3::from(rotation.axis), 0.0) {
-            Some(axis) => UnitQuaternion::from_axis_angle(&axis, rotation.degrees.to_radians()),
+            Some(axis) => rotation_by(&(*axis * rotation.degrees.to_radians())),
             None => {
                 self.error(&path.clone().key("axis"), "an axis of length zero has no direction");
                 UnitQuaternion::identity()

@@ -18,7 +18,8 @@ impl Random {
         // A height and a longitude that are uniform give a direction that is uniform on the sphere.
         let (height, longitude) = (2.0 * self.unit() - 1.0, TAU * self.unit());
         let ring = (1.0 - height * height).max(0.0).sqrt();
-        Vec3::new(ring * longitude.cos(), height, ring * longitude.sin())
+        let (sin, cos) = libm::sincos(longitude);
+        Vec3::new(ring * cos, height, ring * sin)
     }
 
     /// The next number, uniform in [0, 1).

@@ -6,8 +6,9 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use drapery_core::Vec3;
+use drapery_core::geometry::rotation::rotation_by;
 use drapery_core::mesh::PolygonMesh;
-use nalgebra::{Rotation3, Unit};
+use nalgebra::{Rotation3, Unit, UnitQuaternion};
 
 use super::random::Random;
 use super::raw::{Ball, Disc, Garment, Leaves, MAX_RESOLUTION, Panel, PanelShape, Rotation, Tube};
@@ -94,7 +95,8 @@ fn turn(rotation: Option<Rotation>) -> Rotation3<f64> {
         return Rotation3::identity();
     };
     Unit::try_new(Vec3::from(axis), 0.0)
-        .map_or_else(Rotation3::identity, |axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()))
+        .map_or_else(UnitQuaternion::identity, |axis| rotation_by(&(*axis * degrees.to_radians())))
+        .to_rotation_matrix()
 }
 
 /// Cells along x of a panel with `resolution` cells along z: floor(aspect · resolution).
@@ -162,7 +164,7 @@ fn split(i: u32, [a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 /// Points x, y on the parabola y = 1.5 x², x in [-1, 1], at `cells` equal arc lengths, scaled by 0.25 (scene 32 of
@@ -170,7 +172,7 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 fn parabola(cells: u32) -> Vec<[f64; 2]> {
     let arc = |x: f64| {
         let u = 3.0 * x;
-        (u * u.hypot(1.0) + u.asinh()) / 6.0
+        (u * libm::hypot(u, 1.0) + libm::asinh(u)) / 6.0
     };
     let full = arc(1.0);
     (0..=cells)
@@ -180,7 +182,7 @@ fn parabola(cells: u32) -> Vec<[f64; 2]> {
             // steps.
             let mut x = target / full;
             for _ in 0..20 {
-                x -= (arc(x) - target) / (3.0 * x).hypot(1.0);
+                x -= (arc(x) - target) / libm::hypot(3.0 * x, 1.0);
             }
             [0.25 * x, 0.25 * 1.5 * x * x]
         })
@@ -195,8 +197,8 @@ fn disc_points(disc: &Disc, take: TakePoint<'_>) {
     for k in 1..=disc.resolution {
         let radius = disc.radius * f64::from(k) / f64::from(disc.resolution);
         for i in 0..6 * k {
-            let angle = TAU * f64::from(i) / f64::from(6 * k);
-            placed(Vec3::new(radius * angle.cos(), 0.0, -radius * angle.sin()));
+            let (sin, cos) = libm::sincos(TAU * f64::from(i) / f64::from(6 * k));
+            placed(Vec3::new(radius * cos, 0.0, -radius * sin));
         }
     }
 }
@@ -228,9 +230,11 @@ fn sphere_points(ball: &Ball, take: TakePoint<'_>) {
     let (n, center) = (ball.resolution, Vec3::from(ball.center));
     for k in 0..=2 * n {
         let polar = FRAC_PI_2 * f64::from(k) / f64::from(n);
+        let (ring_radius, height) = libm::sincos(polar);
         for i in 0..(4 * ring(ball, k)).max(1) {
             let angle = FRAC_PI_2 * f64::from(i) / f64::from(ring(ball, k).max(1));
-            let direction = Vec3::new(polar.sin() * angle.cos(), polar.cos(), -polar.sin() * angle.sin());
+            let (sin, cos) = libm::sincos(angle);
+            let direction = Vec3::new(ring_radius * cos, height, -ring_radius * sin);
             take(direction * ball.radius + center, [angle * ball.radius, (PI - polar) * ball.radius]);
         }
     }
@@ -270,8 +274,7 @@ fn tube_points(tube: &Tube, take: TakePoint<'_>) {
     for j in 0..=rows {
         let v = tube.length * f64::from(j) / f64::from(rows);
         for i in 0..n {
-            let angle = TAU * f64::from(i) / f64::from(n);
-            let (sin, cos) = angle.sin_cos();
+            let (sin, cos) = libm::sincos(TAU * f64::from(i) / f64::from(n));
             let point = Vec3::new(tube.radius * cos, v - tube.length / 2.0, -tube.radius * sin);
             take(turn * point + center, [around * f64::from(i) / f64::from(n), v]);
         }
@@ -350,7 +353,7 @@ fn cell_center(index: u32, count: [u32; 3], cell: f64) -> Vec3 {
 /// A rotation about a random direction by a random angle of at most `max_angle` [rad].
 fn random_tilt(random: &mut Random, max_angle: f64) -> Rotation3<f64> {
     let axis = Unit::new_normalize(random.direction());
-    Rotation3::from_axis_angle(&axis, max_angle * random.unit())
+    rotation_by(&(*axis * (max_angle * random.unit()))).to_rotation_matrix()
 }
 
 /// Whether no two oriented boxes with half extents `half` overlap.

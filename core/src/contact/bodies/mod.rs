@@ -96,6 +96,8 @@ pub struct Bodies {
     /// Contact of garments without rules with each of them.
     properties: Vec<BodyContactProperties>,
     times: [f64; 2],
+    /// Time at which all motion that is given stands, while it does [s].
+    standstill: Option<f64>,
 }
 
 impl Bodies {
@@ -117,7 +119,7 @@ impl Bodies {
                 )),
             }
         }
-        let mut bodies = Self { list, properties: Vec::new(), times: [time; 2] };
+        let mut bodies = Self { list, properties: Vec::new(), times: [time; 2], standstill: None };
         if !problems.is_empty() {
             return Err(Problems(problems));
         }
@@ -232,12 +234,28 @@ impl Bodies {
     /// Puts all bodies at the ends of a step [s].
     pub fn set_step(&mut self, t0: f64, t1: f64) {
         self.times = [t0, t1];
+        let [start, end] = self.times.map(|time| self.time_of_motion(time));
         for body in &mut self.list {
             match body {
-                Kind::Rigid(rigid) => rigid.set_step(t0, t1),
-                Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
+                Kind::Rigid(rigid) => rigid.set_step(start, end),
+                Kind::Surface(surface) => surface.mesh.set_step(start, end),
             }
         }
+    }
+
+    /// Stops all motion that is given at a time [s], or lets it go on. Steps keep their length: the cloth moves on.
+    pub(crate) fn stand_still(&mut self, at: Option<f64>) {
+        self.standstill = at;
+    }
+
+    /// Whether motion that is given stands.
+    pub(crate) fn stands_still(&self) -> bool {
+        self.standstill.is_some()
+    }
+
+    /// Time of bodies, pins, seams and wind at a time of the cloth [s].
+    pub(crate) fn time_of_motion(&self, time: f64) -> f64 {
+        self.standstill.unwrap_or(time)
     }
 
     /// Positions of the points that edges and faces of cloth meet at the end of the step [m]; empty for shapes that they do not meet.
@@ -250,6 +268,7 @@ impl Bodies {
 
     /// Adds the same at a time [s] not after the latest sample to `all` [m].
     pub(crate) fn extend_with_contact_positions_at(&self, body: usize, time: f64, all: &mut Vec<Vec3>) {
+        let time = self.time_of_motion(time);
         match &self.list[body] {
             Kind::Surface(surface) => surface.mesh.extend_with_positions_at(time, all),
             Kind::Rigid(rigid) => rigid.extend_with_points_at(time, all),

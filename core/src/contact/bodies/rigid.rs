@@ -1,10 +1,11 @@
 //! Analytic shapes in rigid motion, at both ends of a step.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Translation3};
 
 use super::BodyPoint;
 use crate::Vec3;
 use crate::geometry::attachment::along_path;
+use crate::geometry::rotation::rotation_by;
 use crate::geometry::shapes::Shape;
 use crate::scene::RigidMotion;
 use crate::tolerances;
@@ -69,7 +70,7 @@ impl Rigid {
     /// Puts it at the ends of a step [s].
     pub(super) fn set_step(&mut self, t0: f64, t1: f64) {
         self.poses = [t0, t1].map(|t| pose(&self.motion, t));
-        self.spinning = t1 > self.motion.spin_start;
+        self.spinning = t1 > t0.max(self.motion.spin_start);
         let [start, end] = &self.poses;
         let dt = t1 - t0;
         self.moved = end.translation.vector - start.translation.vector;
@@ -128,12 +129,14 @@ impl Rigid {
 /// Pose of a rigid motion at a time.
 fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
     let turned = motion.angular_velocity * (time - motion.spin_start).max(0.0);
-    let rotation = UnitQuaternion::from_scaled_axis(turned) * motion.rotation;
+    let rotation = rotation_by(&turned) * motion.rotation;
     Isometry3::from_parts(Translation3::from(along_path(&motion.path, time)), rotation)
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
     use crate::contact::bodies::{Bodies, Kind};
     use crate::geometry::random::SplitMix64;
@@ -142,9 +145,25 @@ mod tests {
     /// One body between 0 and 0.1 s.
     fn moving(shape: Shape, motion: RigidMotion) -> Bodies {
         let kind = Kind::Rigid(Box::new(Rigid::new(shape, motion, Vec::new())));
-        let mut bodies = Bodies { list: vec![kind], properties: Vec::new(), times: [0.0; 2] };
+        let mut bodies = Bodies { list: vec![kind], properties: Vec::new(), times: [0.0; 2], standstill: None };
         bodies.set_step(0.0, 0.1);
         bodies
+    }
+
+    #[test]
+    fn a_body_that_stands_still_keeps_its_pose_and_has_no_velocity() {
+        let path = vec![(0.0, Vec3::zeros()), (1.0, Vec3::x())];
+        let motion = RigidMotion { path, angular_velocity: Vec3::z(), ..RigidMotion::at(Vec3::zeros()) };
+        let mut bodies = moving(Shape::Sphere { radius: 0.1 }, motion);
+        bodies.stand_still(Some(0.5));
+        bodies.set_step(-0.3, -0.1);
+        let at = Vec3::new(0.65, 0.0, 0.0);
+        let found = bodies.closest(0, &at, &at, f64::INFINITY, None).expect("the sphere");
+        assert!((found.phi - 0.05).abs() < 1e-12 && found.velocity == Vec3::zeros(), "{found:?}");
+        bodies.stand_still(None);
+        bodies.set_step(0.5, 0.6);
+        let found = bodies.closest(0, &at, &at, f64::INFINITY, None).expect("the sphere");
+        assert!((found.velocity - Vec3::x()).norm() < 0.2, "{found:?}");
     }
 
     #[test]

@@ -415,8 +415,10 @@ impl OrientedPair {
             return None;
         }
         let slip = velocity - normal * approach;
-        let of_cloth = || surface.friction().of(laws.friction, nodes, weights);
-        let friction = body.map_or_else(of_cloth, |body| body.friction);
+        let friction = match body {
+            Some(body) => surface.friction_on(body, nodes, weights),
+            None => surface.friction().of(laws.friction, nodes, weights),
+        };
         let speed = slip.norm();
         let (push, stiffness) = if at.is_guess { spring.linearised(y, &history) } else { spring.at(y) };
         let first_slip = *history.first_slip.get_or_insert(speed);

@@ -32,6 +32,8 @@ pub(crate) struct LocalClothSurface {
     pub largest_thickness: Option<Vec<f64>>,
     /// Factor on the friction of cloth on cloth, and term added to it, as painted; `None` if it is nowhere painted.
     pub friction: Option<Vec<[f64; 2]>>,
+    /// The same on the friction of bodies.
+    pub body_friction: Option<Vec<[f64; 2]>>,
     /// Mean rest length of the edges of each vertex [m].
     pub edge_length: Vec<f64>,
     /// Object of each vertex: its garment, or a part of it that rules name.
@@ -53,6 +55,7 @@ impl LocalClothSurface {
         let own = parts.own();
         let matrix = ContactMatrix::of(scene.description());
         let has_thickness = matrix.as_ref().is_some_and(ContactMatrix::has_cloth_thickness);
+        let painted = |map: &str| scene.painted_everywhere(map).map(|all| all[own.clone()].to_vec());
         let mut share = Self {
             ranks: parts.ranks().clone(),
             rank_starts: parts.rank_starts().to_vec(),
@@ -67,7 +70,8 @@ impl LocalClothSurface {
             rest: vec![Vec3::zeros(); own.len()],
             thickness: vec![0.0; own.len()],
             largest_thickness: has_thickness.then(|| vec![f64::INFINITY; own.len()]),
-            friction: scene.painted_everywhere("self_friction").map(|all| all[own.clone()].to_vec()),
+            friction: painted("self_friction"),
+            body_friction: painted("friction").filter(|_| !scene.description().bodies.is_empty()),
             edge_length: vec![0.0; own.len()],
             object: objects_of_vertices(scene),
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),

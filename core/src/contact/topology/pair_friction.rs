@@ -23,11 +23,16 @@ impl PairFriction<'_> {
         };
         let base = self.rules.and_then(by_rule).unwrap_or(base);
         let Some(painted) = self.painted else { return base };
-        let at = |node: u32| {
-            let [times, more] = painted[node as usize];
-            times * base + more
-        };
         // The weights of each side add up to one, or to minus one.
-        0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
+        0.5 * painted_sum(painted, base, nodes.into_iter().zip(weights))
     }
+}
+
+/// Sum of the coefficients of nodes by their weights.
+pub(crate) fn painted_sum(painted: &[[f64; 2]], base: f64, nodes: impl Iterator<Item = (u32, f64)>) -> f64 {
+    let of_node = |(node, weight): (u32, f64)| {
+        let [times, more] = painted[node as usize];
+        weight.abs() * (times * base + more)
+    };
+    nodes.map(of_node).sum()
 }

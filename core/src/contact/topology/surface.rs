@@ -16,7 +16,7 @@ use crate::contact::topology::common_rigid_motion::Samples;
 use crate::contact::topology::faces::{Faces, Sides};
 use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
-use crate::contact::topology::pair_friction::PairFriction;
+use crate::contact::topology::pair_friction::{PairFriction, painted_sum};
 use crate::contact::topology::wearing_order::WearingOrder;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::halo::GhostedArray;
@@ -50,6 +50,8 @@ pub(crate) struct ContactSurface {
     thickness: Vec<f64>,
     /// Factor on the friction of cloth on cloth, and term added to it; `None` if it is nowhere painted.
     friction: Option<Vec<[f64; 2]>>,
+    /// The same on the friction of bodies, which have none themselves.
+    body_friction: Option<Vec<[f64; 2]>>,
     /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
     /// Object of each node: garments, then bodies, then parts of garments.
@@ -173,6 +175,7 @@ impl ContactSurface {
         let mut surface = Self {
             thickness: over_nodes(&nodes, share.thickness, 0.0),
             friction: share.friction.map(|painted| over_nodes(&nodes, painted, PLAIN)),
+            body_friction: share.body_friction.map(|painted| over_nodes(&nodes, painted, [0.0; 2])),
             rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
             object,
             rules,
@@ -197,11 +200,9 @@ impl ContactSurface {
 
     /// Brings what is known of the ghosts to what their owners know.
     fn refresh(&mut self) {
-        let Self { thickness, friction, rest, object, rules, edge_length, mobility, .. } = self;
+        let Self { thickness, friction, body_friction, rest, object, rules, edge_length, mobility, .. } = self;
         let mut known: Vec<&mut dyn GhostedArray> = vec![thickness, rest, object, edge_length, mobility];
-        if let Some(friction) = friction {
-            known.push(friction);
-        }
+        known.extend([friction, body_friction].into_iter().flatten().map(|painted| painted as &mut dyn GhostedArray));
         if let Some(Rules { largest_thickness: Some(largest), .. }) = rules {
             known.push(largest);
         }
@@ -235,6 +236,9 @@ impl ContactSurface {
         renumber.apply(&mut self.thickness, 0.0);
         if let Some(friction) = &mut self.friction {
             renumber.apply(friction, PLAIN);
+        }
+        if let Some(friction) = &mut self.body_friction {
+            renumber.apply(friction, [0.0; 2]);
         }
         renumber.apply(&mut self.rest, Vec3::zeros());
         renumber.apply(&mut self.object, UNKNOWN);
@@ -291,6 +295,12 @@ impl ContactSurface {
     pub(crate) fn friction(&self) -> PairFriction<'_> {
         let rules = self.rules.as_ref().map(|rules| (&rules.matrix, self.object.as_slice()));
         PairFriction { painted: self.friction.as_deref(), rules }
+    }
+
+    /// Friction of a pair of cloth with a body, as it is painted on the cloth where they touch.
+    pub(crate) fn friction_on(&self, body: BodyRepulsion, nodes: [u32; 4], weights: [f64; 4]) -> f64 {
+        let Some(painted) = &self.body_friction else { return body.friction };
+        painted_sum(painted, body.friction, nodes.into_iter().zip(weights).filter(|(node, _)| !self.is_body(*node)))
     }
 
     /// The groups of objects by what ignores what; `None` if nothing ignores anything.
@@ -537,7 +547,8 @@ impl ContactSurface {
     pub(crate) fn bytes(&self) -> usize {
         let sides = self.sides.iter().map(Vec::len).sum::<usize>() * size_of::<([u32; 2], u32)>();
         let traits = 2 * size_of::<f64>() + 2 * size_of::<Vec3>() + size_of::<u32>();
-        let friction = self.friction.as_ref().map_or(0, |painted| size_of_val(painted.as_slice()));
+        let painted = [&self.friction, &self.body_friction].into_iter().flatten();
+        let friction: usize = painted.map(|painted| size_of_val(painted.as_slice())).sum();
         let largest = self.rules.as_ref().and_then(|rules| rules.largest_thickness.as_ref());
         let rules = largest.map_or(0, |largest| size_of_val(largest.as_slice()));
         self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits + friction + rules

@@ -55,7 +55,7 @@ pub(super) fn build(scene: &Scene, elements: &[TriangleElement], law: Law) -> (V
         };
         let triangles: Vec<Triangle> = group.iter().map(triangle).collect();
         let neighbours = outside(&range, triangles.iter().map(|triangle| triangle.corners));
-        let length = |triangle: &Triangle| triangle.gradients.map(|g| g[0].hypot(g[1])).iter().sum::<f64>();
+        let length = |triangle: &Triangle| triangle.gradients.map(|g| libm::hypot(g[0], g[1])).iter().sum::<f64>();
         let thinnest = triangles.iter().map(length).fold(0.0, f64::max);
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
         let start = range.start;
@@ -78,7 +78,7 @@ fn balanced([b, c]: [Simd4; 2]) -> [Simd4; 3] {
 
 /// The largest rate of relative change of length in any direction, of rates of strain.
 fn fastest([warp, weft, shear]: [f64; 3]) -> f64 {
-    0.5 * ((warp + weft).abs() + (warp - weft).hypot(shear))
+    0.5 * ((warp + weft).abs() + libm::hypot(warp - weft, shear))
 }
 
 impl Force for PartMembrane {
@@ -178,7 +178,7 @@ impl Strained for PartMembrane {
             let rest = rest_edges(&triangle.gradients);
             [[a, b], [a, c], [b, c]].into_iter().zip(rest).map(|(ends, rest)| {
                 let length = (x[ends[1]] - x[ends[0]]).norm();
-                (length / rest[0].hypot(rest[1]) - 1.0, ends)
+                (length / libm::hypot(rest[0], rest[1]) - 1.0, ends)
             })
         };
         self.triangles.iter().flat_map(strains).max_by(|a, b| a.0.total_cmp(&b.0))

@@ -206,7 +206,7 @@ impl RestTriangle {
         let shear = |length: f64, along: f64| (along - length * rest_along / rest_length) / rest_across;
         let trace = length / rest_length + second.dot(&across) / rest_across;
         let skew = -shear(length, second.dot(&along));
-        let size = trace.hypot(skew);
+        let size = libm::hypot(trace, skew);
         let (cos, sin) = (trace / size, skew / size);
         let turned = [along * cos + across * sin, across * cos - along * sin, up];
         let matrix = Matrix3::from_columns(&turned) * Matrix3::from_columns(&self.axes).transpose();

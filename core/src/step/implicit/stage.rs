@@ -158,7 +158,7 @@ impl<'a> StageSolver<'a> {
         let StageArrays { matrix, slots, cg, x, v, f, worked_on, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
-        let time = self.at.start.time + fraction * self.at.dt;
+        let time = self.bodies.time_of_motion(self.at.start.time + fraction * self.at.dt);
         let context = ForceContext { time, targets, v, wind, volumes };
         let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, worked_on, x, v, fraction, context };
         match matrix_factors {

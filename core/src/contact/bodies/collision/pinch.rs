@@ -106,7 +106,7 @@ impl Search<'_> {
         (*v_star, *x1) = (*v, *free);
         if let Some(surroundings) = pinch.drag.filter(|_| !self.step.pinched_in_solves) {
             // Springs move it freely, its weight does not carry it away.
-            let kept = (-PINCH_DRAG * self.step.dt).exp();
+            let kept = libm::exp(-PINCH_DRAG * self.step.dt);
             *v_star = surroundings + (v - surroundings) * kept;
             *x1 = x + (*v_star + (v_half - v)) * self.step.dt;
         }

@@ -1,11 +1,10 @@
 //! A zone that moves as one rigid body.
 
-use std::f64::consts::PI;
-
-use nalgebra::{Matrix3, Quaternion, Rotation3, SVD, SymmetricEigen, Unit, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Rotation3, SVD, SymmetricEigen, UnitQuaternion};
 
 use crate::Vec3;
 use crate::contact::tolerances::{NO_INERTIA, ZONE_ROTATION};
+use crate::geometry::rotation::{rotation_between, rotation_by};
 
 /// Iterations of the 3 × 3 decompositions; they take about ten.
 const DECOMPOSITION_ITERATIONS: usize = 100;
@@ -201,14 +200,7 @@ fn imposed_turn<'a>(
     }
     let line: Vec3 = axes.column(2).into();
     let line_end = (covariance * line).try_normalize(0.0).unwrap_or(line);
-    let half_turn = || UnitQuaternion::from_axis_angle(&across(&line), PI);
-    let rotation = UnitQuaternion::rotation_between(&line, &line_end).unwrap_or_else(half_turn);
-    (rotation, line_end * line_end.transpose())
-}
-
-/// Some direction at right angles to a unit vector.
-fn across(line: &Vec3) -> Unit<Vec3> {
-    Unit::new_normalize(line.cross(&Vec3::ith(line.iamin(), 1.0)))
+    (rotation_between(&line, &line_end), line_end * line_end.transpose())
 }
 
 /// Eigenvalues in ascending order, and their eigenvectors as columns, right-handed; zeros and the axes for a matrix
@@ -271,7 +263,7 @@ fn turn_with_momentum(
     let spread = Matrix3::from_diagonal(&moments);
     let inverse = axes.transpose() * inverse * axes;
     let momentum = axes.transpose() * momentum;
-    let mut rotation = turn_by(&(axes.transpose() * spin));
+    let mut rotation = rotation_by(&(axes.transpose() * spin));
     for _ in 0..ROTATION_CORRECTIONS {
         let sum = displacement_of(&rotation) * spread;
         let reached = Vec3::new(sum[(2, 1)] - sum[(1, 2)], sum[(0, 2)] - sum[(2, 0)], sum[(1, 0)] - sum[(0, 1)]);
@@ -280,17 +272,7 @@ fn turn_with_momentum(
             let imaginary = axes * rotation.imag();
             return UnitQuaternion::new_unchecked(Quaternion::from_parts(rotation.w, imaginary));
         }
-        rotation = UnitQuaternion::new_normalize((turn_by(&correction) * rotation).into_inner());
+        rotation = UnitQuaternion::new_normalize((rotation_by(&correction) * rotation).into_inner());
     }
-    turn_by(spin)
-}
-
-/// The turn by a vector of angles, however small; nalgebra's own leaves out turns below machine epsilon.
-fn turn_by(angles: &Vec3) -> UnitQuaternion<f64> {
-    let angle = angles.norm();
-    if angle == 0.0 {
-        return UnitQuaternion::identity();
-    }
-    let (sin, cos) = (0.5 * angle).sin_cos();
-    UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, angles * (sin / angle)))
+    rotation_by(spin)
 }

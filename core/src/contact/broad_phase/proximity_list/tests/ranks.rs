@@ -110,6 +110,7 @@ impl Heap {
             rest: self.rest[own.clone()].to_vec(),
             thickness: self.thickness[own.clone()].to_vec(),
             friction: None,
+            body_friction: None,
             largest_thickness: None,
             matrix: None,
             wearing_order: None,
