@@ -12,7 +12,7 @@ from measure.scenes import TESTS, draped, hung, mannequin, sample, woman
 # Parts of a frame and their stages, as `core/src/simulation/estimate.rs` has them.
 PARTS = {
     "solves": ["B.1 velocity", "B.5 velocity"],
-    "pairs": ["A neighbours", "B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion"],
+    "pairs": ["A neighbours", "B.2 self-repulsion", "B.8 self-repulsion"],
     "collisions": ["C collisions"],
     "bodies": ["bodies and pins", "B.4 body collision", "B.7 body friction"],
 }

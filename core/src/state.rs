@@ -13,7 +13,7 @@ pub struct State {
     pub x: Vec<Vec3>,
     /// Velocities [m/s].
     pub v: Vec<Vec3>,
-    /// Accelerations of the last step [m/s²], with which the implicit step foresees; empty in the others.
+    /// Accelerations of the last step [m/s²], from which the implicit step predicts; empty in the others.
     pub a: Vec<Vec3>,
     /// Solver time [s].
     pub time: f64,
@@ -24,8 +24,8 @@ impl State {
     pub fn at_start(scene: &Scene) -> Self {
         let timeline = scene.description().timeline;
         let [x, v] = scene.start_state();
-        let foresees = scene.description().solver.integrator.spec().keeps_acceleration;
-        let a = if foresees { vec![Vec3::zeros(); x.len()] } else { Vec::new() };
+        let keeps_acceleration = scene.description().solver.integrator.spec().keeps_acceleration;
+        let a = if keeps_acceleration { vec![Vec3::zeros(); x.len()] } else { Vec::new() };
         Self { x, v, a, time: timeline.time(timeline.start) }
     }
 }

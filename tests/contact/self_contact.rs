@@ -320,7 +320,7 @@ fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_can
 
 /// Fastest speed at which a vertex this far from where it has to be [m] comes there [m/s]: there in a frame, or edges change in
 /// the longest stable step by what a step may change them.
-fn fastest_catch_up(simulation: &Simulation, distance: f64) -> f64 {
+fn fastest_recovery(simulation: &Simulation, distance: f64) -> f64 {
     let frame = 1.0 / 24.0;
     let share = simulation.scene().description().solver.largest_strain_per_step();
     (distance / frame).max(share * simulation.scene().mean_edge() / simulation.elastic_step().min(frame))
@@ -343,7 +343,7 @@ fn cloth_deep_in_a_body_comes_out_without_a_blow_on_the_layer_above_however_shor
         let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
         let restored = Simulation::restore(scene, &FrameInput::to_frame(0), &snapshot);
         let mut simulation = restored.unwrap_or_else(|error| panic!("{error}"));
-        let fastest = fastest_catch_up(&simulation, 0.01);
+        let fastest = fastest_recovery(&simulation, 0.01);
         let all = run_free(&mut simulation, 1);
         assert!(all.counted("repulsions") > 0 && all.counted("body_contacts") > 0, "nothing met");
         let speed = simulation.state().v.iter().map(Vec3::norm).fold(0.0, f64::max);
@@ -368,7 +368,7 @@ fn a_pin_draws_its_vertex_from_behind_cloth_without_a_blow() {
     run_free(&mut simulation, 1);
     let away = positions(&simulation)[0] - home;
     assert!((away - Vec3::new(0.1, 0.0, 0.0)).norm() < 1e-6, "no pin yet: {away}");
-    let fastest = fastest_catch_up(&simulation, away.norm());
+    let fastest = fastest_recovery(&simulation, away.norm());
     let mut all = Metrics::default();
     for frame in 2..=4 {
         all.add(&run_free(&mut simulation, 1));

@@ -95,7 +95,7 @@ impl Shot {
 /// Another assignment of the parts: all but one to the last rank that gets any, which is not the last one.
 fn uneven(scene: &Scene) -> Vec<usize> {
     let parts = scene.parts();
-    let (count, ranks) = (parts.partition().part_count(), parts.ranks().count());
+    let (count, ranks) = (parts.partition().sizes().len(), parts.ranks().count());
     (0..=ranks)
         .map(|rank| {
             if rank == 0 {

@@ -74,6 +74,65 @@ const PAST: [&str; 2] = ["docs/dev/decisions/", "CHANGELOG.md"];
 /// This file, which holds the words itself.
 const OWN: &str = "tests/tidy/words.rs";
 
+/// Retired words that no type may have within its name.
+const RETIRED_IN_TYPES: &str = "AtHome CatchUp ClothShare Crew HandingOut Hit Homes Remembered Rung StepControl Told Touching Trouble";
+
+/// Retired words that no function, field or constant may have within its name.
+const RETIRED_IN_NAMES: &str = "blame calm_down catch_up crew foresee foresees give_up give_way holders hopeless impose invite \
+    is_hit lay_down note_way rung take_back tell thinned told travellers visitors";
+
+/// Words in names of the solver alone.
+const RETIRED_IN_NAMES_OF_THE_SOLVER: &str = "followers heard inert is_home";
+
+/// Names that hold a retired word in another meaning: a ray that hits a surface.
+const OTHER_MEANING: [&str; 1] = ["PathHit"];
+
+/// Words of a longest name; longer ones are sentences, such as those of tests.
+const LONGEST_NAME: usize = 4;
+
+/// Words of an identifier in lower case, between underscores: `exchange_ghosts`, `BodyContact` and `MAX_STEPS` have two each.
+fn words_of(identifier: &str) -> String {
+    let mut words = String::from("_");
+    let mut before = '_';
+    for c in identifier.chars() {
+        if c.is_uppercase() && before.is_lowercase() {
+            words.push('_');
+        }
+        words.extend(c.to_lowercase());
+        before = c;
+    }
+    words + "_"
+}
+
+/// The retired word within an identifier.
+fn retired_within<'a>(identifier: &str, is_solver: bool) -> Option<&'a str> {
+    let words = words_of(identifier);
+    if OTHER_MEANING.contains(&identifier) || words.matches('_').count() > LONGEST_NAME + 1 {
+        return None;
+    }
+    let is_type = identifier.starts_with(char::is_uppercase) && identifier.contains(char::is_lowercase);
+    let retired = if is_type { RETIRED_IN_TYPES } else { RETIRED_IN_NAMES };
+    let more = if is_solver && !is_type { RETIRED_IN_NAMES_OF_THE_SOLVER } else { "" };
+    let mut all = retired.split_whitespace().chain(more.split_whitespace());
+    all.find(|word| words.contains(&words_of(word)))
+}
+
+#[test]
+fn names_hold_no_retired_word_among_theirs() {
+    let mut found = Vec::new();
+    for file in rust_files().into_iter().filter(|file| file.name != OWN) {
+        let wrong = |line: &str| {
+            let names = line.split(|c| !is_word(c)).filter_map(|name| {
+                let word = retired_within(name, file.name.starts_with("core/src/"))?;
+                Some(format!("`{name}` holds `{word}`, which is retired; see docs/guide/glossary.md"))
+            });
+            names.collect()
+        };
+        found.extend(complaints(&SourceFile { text: code_only(&file.text), name: file.name.clone() }, wrong));
+    }
+    report(&found);
+}
+
 #[test]
 fn code_uses_the_terms_of_the_field() {
     let mut found = Vec::new();
@@ -188,6 +247,11 @@ fn words_are_found_and_parts_of_words_names_and_plain_english_are_not() {
     assert!(says_crossing("| Crossings are counted |") && !says_crossing("`crossings` counts them"));
     assert!(is_for_users("docs/guide/farm.md") && is_for_users("shot/src/quality.rs"));
     assert!(!is_for_users("docs/dev/fuzzing.md") && !is_for_users("cli/tests/command/farm.rs"));
+    assert_eq!(words_of("HitNodes2"), "_hit_nodes2_");
+    let within = ["HitNodes", "GIVE_UP_FROM", "told_strain", "is_white", "PathHit", "it_was_told_to_stop_at_once"];
+    let retired = [Some("Hit"), Some("give_up"), Some("told"), None, None, None];
+    assert_eq!(within.map(|name| retired_within(name, false)), retired);
+    assert_eq!([true, false].map(|is_solver| retired_within("stop_inert", is_solver)), [Some("inert"), None]);
     assert_eq!(private_phrases("pairs at home here"), ["at home"]);
     assert_eq!(private_phrases("what a rank is told after a colour"), ["is told"]);
     for plain in ["it was told to stop", "the two are told apart", "this told us", "words are told from others"] {

@@ -198,7 +198,7 @@ struct Watcher<'a> {
 
 impl Watcher<'_> {
     /// Says how much time there is before the run has to end: at the start, and once a checkpoint was measured.
-    fn tell_notice(&mut self, at_start: bool) {
+    fn report_notice(&mut self, at_start: bool) {
         let notice = self.requests.notice(SystemTime::now());
         let Some(notice) = notice.filter(|notice| at_start || (notice.knows_checkpoints && !self.notice_is_given))
         else {
@@ -215,7 +215,7 @@ impl Observer for Watcher<'_> {
     fn logs(&mut self, files: [File; 2]) {
         self.logs.open(files);
         tracing::info!(scene = %self.args.scene.scene.display(), version = env!("CARGO_PKG_VERSION"), "attempt begins");
-        self.tell_notice(true);
+        self.report_notice(true);
     }
 
     fn resumed(&mut self, frame: i64, done: u64) {
@@ -253,7 +253,7 @@ impl Observer for Watcher<'_> {
 
     fn frame(&mut self, report: &FrameReport<'_>) {
         log_frame(report);
-        self.tell_notice(false);
+        self.report_notice(false);
         if let Some(progress) = &mut self.progress {
             progress.frame(report);
         }

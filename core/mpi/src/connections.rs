@@ -1,31 +1,31 @@
-//! Connections between ranks beside MPI: plain TCP, over which they tell each other that they are there.
+//! Connections between ranks beside MPI: plain TCP, over which they exchange heartbeats.
 //!
-//! Both ends say first who they are, to whom they speak, and a number that only ranks of this run know: the same address may be
+//! A handshake comes first: both ends send their rank, the other's rank, and a number that only ranks of this run know: the same address may be
 //! another machine elsewhere, and a port another program.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// Time that a call waits to be accepted.
-const RINGS: Duration = Duration::from_secs(2);
+/// Time limit for a connection to be accepted.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Time that the caller then waits for an answer: the process that accepts it may have much to do.
-const ANSWERS: Duration = Duration::from_secs(5);
+/// Time limit for the answer to the handshake: the accepting process may be busy.
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// First message of both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Hello {
+pub(crate) struct Handshake {
     /// Number of the run.
     pub(crate) run: u128,
-    /// Rank that speaks.
+    /// Sending rank.
     pub(crate) from: u32,
-    /// To whom.
+    /// Receiving rank.
     pub(crate) to: u32,
 }
 
-impl Hello {
-    /// Bytes of one.
+impl Handshake {
+    /// Length of a handshake [bytes].
     pub(crate) const LENGTH: usize = 24;
 
     fn bytes(self) -> [u8; Self::LENGTH] {
@@ -52,29 +52,29 @@ impl Hello {
 /// Way in which a rank was lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum How {
-    /// Nothing was heard of it for too long: its machine or the network is lost, or it stands still.
+    /// No signal came for too long: its machine or the network is lost, or the process is stopped.
     Silent,
-    /// It has ended, and has not said that it would.
+    /// It has ended without a [`Signal::Bye`].
     Ended,
 }
 
-/// Message between ranks.
+/// Signal between ranks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Word {
-    /// I am there.
-    Beat,
-    /// I have nothing more to do, and may end.
+pub(crate) enum Signal {
+    /// The sender is alive.
+    Heartbeat,
+    /// The sender has finished, and may end.
     Bye,
-    /// This rank is lost; I end.
+    /// This rank is lost; the sender ends.
     Lost(u32, How),
 }
 
-impl Word {
+impl Signal {
     const LENGTH: usize = 5;
 
     fn bytes(self) -> [u8; Self::LENGTH] {
         let (kind, rank) = match self {
-            Self::Beat => (0, 0),
+            Self::Heartbeat => (0, 0),
             Self::Bye => (1, 0),
             Self::Lost(rank, How::Silent) => (2, rank),
             Self::Lost(rank, How::Ended) => (3, rank),
@@ -85,85 +85,86 @@ impl Word {
 
     fn read([kind, rank @ ..]: [u8; Self::LENGTH]) -> Option<Self> {
         let rank = u32::from_le_bytes(rank);
-        [Self::Beat, Self::Bye, Self::Lost(rank, How::Silent), Self::Lost(rank, How::Ended)]
+        [Self::Heartbeat, Self::Bye, Self::Lost(rank, How::Silent), Self::Lost(rank, How::Ended)]
             .get(usize::from(kind))
             .copied()
     }
 }
 
-/// A connection to another rank. Nothing waits: what cannot be sent at once goes with the next word.
+/// A connection to another rank. Nothing waits: bytes that cannot be sent at once go with the next signal.
 #[derive(Debug)]
 pub(crate) struct Link {
     stream: TcpStream,
     begun: Vec<u8>,
     unsent: Vec<u8>,
-    /// Whether the other end has said anything after its name: then both ends have it.
+    /// Whether a signal came after the handshake: then the connection exists at both ends.
     pub(crate) is_proven: bool,
 }
 
 impl Link {
-    /// After both ends have said who they are.
+    /// A connection after the handshake.
     pub(crate) fn new(stream: TcpStream) -> std::io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
         Ok(Self { stream, begun: Vec::new(), unsent: Vec::new(), is_proven: false })
     }
 
-    /// Says something. Trouble is noticed by listening.
-    pub(crate) fn say(&mut self, word: Word) {
-        if self.unsent.is_empty() || word != Word::Beat {
-            self.unsent.extend(word.bytes());
+    /// Sends a signal. A broken connection is noticed by [`Self::receive`].
+    pub(crate) fn send(&mut self, signal: Signal) {
+        if self.unsent.is_empty() || signal != Signal::Heartbeat {
+            self.unsent.extend(signal.bytes());
         }
         if let Ok(sent) = self.stream.write(&self.unsent) {
             self.unsent.drain(..sent);
         }
     }
 
-    /// Returns the messages received since the last call, and whether more may come.
-    pub(crate) fn listen(&mut self) -> (Vec<Word>, bool) {
-        let is_open = read_at_hand(&mut self.stream, &mut self.begun, usize::MAX);
-        let whole = self.begun.len() / Word::LENGTH * Word::LENGTH;
-        let words = self.begun[..whole].as_chunks().0.iter().filter_map(|bytes| Word::read(*bytes)).collect::<Vec<_>>();
+    /// Returns the signals received since the last call, and whether more may come.
+    pub(crate) fn receive(&mut self) -> (Vec<Signal>, bool) {
+        let is_open = read_available(&mut self.stream, &mut self.begun, usize::MAX);
+        let whole = self.begun.len() / Signal::LENGTH * Signal::LENGTH;
+        let signals =
+            self.begun[..whole].as_chunks().0.iter().filter_map(|bytes| Signal::read(*bytes)).collect::<Vec<_>>();
         self.begun.drain(..whole);
-        self.is_proven |= !words.is_empty();
-        (words, is_open)
+        self.is_proven |= !signals.is_empty();
+        (signals, is_open)
     }
 }
 
-/// Somebody who has called and not said yet who it is.
+/// An accepted connection before its handshake.
 #[derive(Debug)]
-pub(crate) struct Guest {
+pub(crate) struct PendingConnection {
     stream: TcpStream,
-    said: Vec<u8>,
+    received: Vec<u8>,
 }
 
-impl Guest {
-    /// From an accepted connection.
+impl PendingConnection {
+    /// The handshake is awaited on an accepted connection.
     pub(crate) fn new(stream: TcpStream) -> std::io::Result<Self> {
         stream.set_nonblocking(true)?;
-        Ok(Self { stream, said: Vec::new() })
+        Ok(Self { stream, received: Vec::new() })
     }
 
-    /// The name, once it is there; `Err` if none can come any more.
-    pub(crate) fn name(&mut self) -> Result<Option<Hello>, ()> {
-        // Not more: what follows is for the link.
-        let missing = Hello::LENGTH - self.said.len();
-        let is_open = read_at_hand(&mut self.stream, &mut self.said, missing);
-        match Hello::read(&self.said) {
+    /// The handshake, once it is complete; `Err` if the connection was closed before.
+    pub(crate) fn handshake(&mut self) -> Result<Option<Handshake>, ()> {
+        // Not more: signals that follow belong to the link.
+        let missing = Handshake::LENGTH - self.received.len();
+        let is_open = read_available(&mut self.stream, &mut self.received, missing);
+        match Handshake::read(&self.received) {
             None if !is_open => Err(()),
-            name => Ok(name),
+            handshake => Ok(handshake),
         }
     }
 
-    /// Answers who has called.
-    pub(crate) fn welcome(mut self, name: Hello) -> std::io::Result<Link> {
-        self.stream.write_all(&name.answer().bytes())?;
+    /// Answers the handshake.
+    pub(crate) fn accept(mut self, handshake: Handshake) -> std::io::Result<Link> {
+        self.stream.write_all(&handshake.answer().bytes())?;
         Link::new(self.stream)
     }
 }
 
-/// Appends what is there, at most so many bytes; returns whether more may come.
-fn read_at_hand(stream: &mut TcpStream, to: &mut Vec<u8>, most: usize) -> bool {
+/// Appends the bytes that have arrived, `most` at most; returns whether more may come.
+fn read_available(stream: &mut TcpStream, to: &mut Vec<u8>, most: usize) -> bool {
     let (mut buffer, mut left) = ([0; 256], most);
     while left > 0 {
         let room = left.min(buffer.len());
@@ -180,18 +181,18 @@ fn read_at_hand(stream: &mut TcpStream, to: &mut Vec<u8>, most: usize) -> bool {
     true
 }
 
-/// Calls a rank at its addresses, one after the other; returns the first connection at which that rank answers.
-pub(crate) fn call(addresses: &[IpAddr], port: u16, name: Hello) -> Option<TcpStream> {
-    addresses.iter().find_map(|address| call_at(SocketAddr::new(*address, port), name).ok().flatten())
+/// Tries the addresses of a rank, one after the other; returns the first connection at which that rank answers the handshake.
+pub(crate) fn connect(addresses: &[IpAddr], port: u16, handshake: Handshake) -> Option<TcpStream> {
+    addresses.iter().find_map(|address| connect_at(SocketAddr::new(*address, port), handshake).ok().flatten())
 }
 
-fn call_at(address: SocketAddr, name: Hello) -> std::io::Result<Option<TcpStream>> {
-    let mut stream = TcpStream::connect_timeout(&address, RINGS)?;
-    stream.set_read_timeout(Some(ANSWERS))?;
-    stream.write_all(&name.bytes())?;
-    let mut answer = [0; Hello::LENGTH];
+fn connect_at(address: SocketAddr, handshake: Handshake) -> std::io::Result<Option<TcpStream>> {
+    let mut stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+    stream.set_read_timeout(Some(HANDSHAKE_TIMEOUT))?;
+    stream.write_all(&handshake.bytes())?;
+    let mut answer = [0; Handshake::LENGTH];
     stream.read_exact(&mut answer)?;
-    Ok((Hello::read(&answer) == Some(name.answer())).then_some(stream))
+    Ok((Handshake::read(&answer) == Some(handshake.answer())).then_some(stream))
 }
 
 #[cfg(test)]
@@ -207,44 +208,50 @@ mod tests {
     }
 
     #[test]
-    fn words_arrive_whole_and_in_order_however_they_are_cut() {
-        let words = [Word::Beat, Word::Bye, Word::Lost(7, How::Silent), Word::Lost(u32::MAX, How::Ended), Word::Beat];
+    fn signals_arrive_whole_and_in_order_however_they_are_cut() {
+        let signals = [
+            Signal::Heartbeat,
+            Signal::Bye,
+            Signal::Lost(7, How::Silent),
+            Signal::Lost(u32::MAX, How::Ended),
+            Signal::Heartbeat,
+        ];
         let [mut raw, stream] = pair();
-        let (mut link, mut heard) = (Link::new(stream).unwrap(), Vec::new());
-        for byte in words.iter().flat_map(|word| word.bytes()) {
+        let (mut link, mut received) = (Link::new(stream).unwrap(), Vec::new());
+        for byte in signals.iter().flat_map(|signal| signal.bytes()) {
             raw.write_all(&[byte]).unwrap();
-            heard.extend(link.listen().0);
+            received.extend(link.receive().0);
         }
-        while heard.len() < words.len() {
-            heard.extend(link.listen().0);
+        while received.len() < signals.len() {
+            received.extend(link.receive().0);
         }
-        assert_eq!(heard, words);
+        assert_eq!(received, signals);
         drop(raw);
-        while link.listen().1 {}
+        while link.receive().1 {}
     }
 
     #[test]
-    fn a_call_is_taken_by_the_rank_that_is_meant_and_by_nobody_else() {
+    fn a_connection_is_accepted_by_the_rank_that_is_meant_and_by_no_other_process() {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let port = listener.local_addr().unwrap().port();
-        let name = Hello { run: 5, from: 3, to: 0 };
+        let name = Handshake { run: 5, from: 3, to: 0 };
         // Another program at the address answers something else.
-        let answers = [Hello { run: 6, ..name.answer() }, Hello { from: 1, ..name.answer() }, name.answer()];
+        let answers = [Handshake { run: 6, ..name.answer() }, Handshake { from: 1, ..name.answer() }, name.answer()];
         let taken = std::thread::spawn(move || {
             answers.map(|answer| {
-                let mut guest = Guest::new(listener.accept().unwrap().0).unwrap();
+                let mut connection = PendingConnection::new(listener.accept().unwrap().0).unwrap();
                 let said = loop {
-                    if let Some(said) = guest.name().unwrap() {
+                    if let Some(said) = connection.handshake().unwrap() {
                         break said;
                     }
                 };
-                guest.welcome(answer.answer()).map(|_| said).unwrap()
+                connection.accept(answer.answer()).map(|_| said).unwrap()
             })
         });
         let local = [IpAddr::from(Ipv4Addr::LOCALHOST)];
-        let calls = [0, 1, 2].map(|_| call(&local, port, name).is_some());
+        let calls = [0, 1, 2].map(|_| connect(&local, port, name).is_some());
         assert_eq!((calls, taken.join().unwrap()), ([false, false, true], [name; 3]));
-        // Nobody is there any more.
-        assert!(call(&local, port, name).is_none());
+        // No process listens any more.
+        assert!(connect(&local, port, name).is_none());
     }
 }

@@ -1,9 +1,9 @@
-//! Heartbeats between ranks. MPI does not say that a machine or the network is lost: whoever waits for its message waits for ever.
-//! So each rank has a thread that tells all others over plain TCP that it is there, and hears whether they are.
+//! Heartbeats between ranks. MPI does not report that a machine or the network is lost: a rank that waits for its message waits for ever.
+//! So each rank has a thread that exchanges heartbeats with all others over plain TCP.
 //!
-//! The thread touches neither MPI nor the cloth, and beats while a rank computes. Silence is counted by its own clock, which stands
-//! while it stands: a rank that was stopped and goes on does not take the others for dead. Where no connection comes about, that is
-//! said once and the run goes on without.
+//! The thread touches neither MPI nor the cloth, and sends while a rank computes. Silence is counted by its own clock, which stops
+//! with the process: a rank that was stopped and resumes does not take the others for dead. A failure to connect is reported once,
+//! and the run continues without.
 
 use std::collections::hash_map::RandomState;
 use std::fmt::Write;
@@ -18,26 +18,25 @@ use std::time::{Duration, Instant};
 use drapery_core::parallel::ranks::Ranks;
 
 use crate::addresses;
-use crate::connections::{Guest, Hello, How, Link, Word, call};
+use crate::connections::{Handshake, How, Link, PendingConnection, Signal, connect};
 
-/// Beats in the time after which a rank that is silent counts as lost, and the longest and shortest time between two.
-const BEATS: u32 = 10;
-const SLOWEST: Duration = Duration::from_secs(1);
-const FASTEST: Duration = Duration::from_millis(50);
+/// Heartbeats in the time after which a rank that is silent counts as lost, and the longest and shortest time between two.
+const HEARTBEATS_PER_TIMEOUT: u32 = 10;
+const LONGEST_INTERVAL: Duration = Duration::from_secs(1);
+const SHORTEST_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Time given after a rank has ended for the launcher, which knows how, to end all; a launcher that cannot is not
-/// waited for.
+/// Time given to the launcher to end all ranks after one has ended.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// Time in which connections may come about, and interval between the checks meanwhile.
-const CALLING: Duration = Duration::from_secs(20);
-const LOOK: Duration = Duration::from_millis(100);
+/// Time in which ranks connect, and interval between the checks meanwhile.
+const CONNECT_WINDOW: Duration = Duration::from_secs(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// After this time a rank also calls those who should have called it: a firewall may let one side through alone.
-const OTHER_SIDE: Duration = Duration::from_secs(4);
+/// Time after which a rank also connects to those that should have connected to it: a firewall may let one side through alone.
+const REVERSE_CONNECT_DELAY: Duration = Duration::from_secs(4);
 
-/// Threads that call others at the same time.
-const CALLERS: usize = 16;
+/// Threads that connect at the same time.
+const CONNECTORS: usize = 16;
 
 /// A rank that is lost.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -71,7 +70,7 @@ impl std::fmt::Display for Lost {
 pub enum News {
     /// The connections to all other ranks are established. Said once.
     Connected,
-    /// With these no connection came about, so their loss will not be noticed. Said once.
+    /// No connection to these exists, so their loss will not be noticed. Said once.
     Unreachable(Vec<String>),
     /// These are lost. Said once, and nothing after it.
     Lost(Vec<Lost>),
@@ -84,15 +83,16 @@ pub struct Heartbeats(Sender<Event>, #[cfg(test)] Arc<[AtomicBool]>);
 /// Event that comes to the watching thread.
 #[derive(Debug)]
 enum Event {
-    /// A rank has answered a call.
+    /// A rank has answered the handshake.
     Answered(usize, TcpStream),
-    /// The others are to know that this rank may end; then the sender is dropped.
+    /// A goodbye goes to the others; then the sender is dropped.
     Bye(Sender<()>),
 }
 
 impl Heartbeats {
-    /// Begins to beat and to listen. All ranks call this together. `timeout` counts as rank 0 gives it: the silence after which
-    /// a rank is lost, or `None` for no heartbeats. `name` is what others call this rank. `tell` is called on a thread of its own.
+    /// Starts to send and to receive heartbeats. All ranks call this together. `timeout` counts as rank 0 gives it: the silence
+    /// after which a rank is lost, or `None` for no heartbeats. `name` is the name of this rank in the messages of others. `report`
+    /// is called on a thread of its own.
     ///
     /// # Errors
     /// No thread can be started.
@@ -100,31 +100,36 @@ impl Heartbeats {
         ranks: &Ranks,
         timeout: Option<Duration>,
         name: &str,
-        tell: impl FnMut(News) + Send + 'static,
+        report: impl FnMut(News) + Send + 'static,
     ) -> std::io::Result<Option<Self>> {
         let listener = TcpListener::bind((Ipv6Addr::UNSPECIFIED, 0));
         let listener = listener.or_else(|_| TcpListener::bind((Ipv4Addr::UNSPECIFIED, 0))).ok();
         let listener = listener.filter(|listener| listener.set_nonblocking(true).is_ok());
         let port = listener.as_ref().and_then(|listener| Some(listener.local_addr().ok()?.port()));
-        let own =
-            Card { timeout, run: any_number(), name: name.to_owned(), port, addresses: addresses::of_this_machine() };
-        let cards = ranks.all_gather_v(own.text().as_bytes());
-        let cards: Vec<Card> = cards.iter().map(|text| Card::read(&String::from_utf8_lossy(text))).collect();
-        let (Some(timeout), run, me) = (cards[0].timeout, cards[0].run, ranks.rank()) else { return Ok(None) };
-        let (events, to_come) = channel();
-        let hello = Hello { run, from: me as u32, to: 0 };
-        let watch = Watch::new(hello, timeout, cards.iter().map(|card| card.name.clone()), listener);
+        let own = RankInfo {
+            timeout,
+            run: any_number(),
+            name: name.to_owned(),
+            port,
+            addresses: addresses::of_this_machine(),
+        };
+        let infos = ranks.all_gather_v(own.text().as_bytes());
+        let infos: Vec<RankInfo> = infos.iter().map(|text| RankInfo::read(&String::from_utf8_lossy(text))).collect();
+        let (Some(timeout), run, me) = (infos[0].timeout, infos[0].run, ranks.rank()) else { return Ok(None) };
+        let (events, incoming) = channel();
+        let handshake = Handshake { run, from: me as u32, to: 0 };
+        let watch = Watch::new(handshake, timeout, infos.iter().map(|info| info.name.clone()), listener);
         let linked = Arc::clone(&watch.linked);
-        let tell = Box::new(tell);
-        thread::Builder::new().name("heartbeats".to_owned()).spawn(move || watch.run(&to_come, tell))?;
-        let others: Vec<usize> = (0..cards.len()).filter(|rank| *rank != me).collect();
-        let cards = Arc::new(cards);
-        for first in 0..CALLERS.min(others.len()) {
-            let whom: Vec<usize> = others.iter().copied().skip(first).step_by(CALLERS).collect();
-            let caller =
-                Caller { hello, cards: Arc::clone(&cards), linked: Arc::clone(&linked), events: events.clone() };
-            // Without it others call, or somebody is unreachable.
-            let _ = thread::Builder::new().name("calls".to_owned()).spawn(move || caller.call_all(&whom));
+        let report = Box::new(report);
+        thread::Builder::new().name("heartbeats".to_owned()).spawn(move || watch.run(&incoming, report))?;
+        let others: Vec<usize> = (0..infos.len()).filter(|rank| *rank != me).collect();
+        let infos = Arc::new(infos);
+        for first in 0..CONNECTORS.min(others.len()) {
+            let ranks: Vec<usize> = others.iter().copied().skip(first).step_by(CONNECTORS).collect();
+            let connector =
+                Connector { handshake, infos: Arc::clone(&infos), linked: Arc::clone(&linked), events: events.clone() };
+            // Without it others connect, or a rank is unreachable.
+            let _ = thread::Builder::new().name("connector".to_owned()).spawn(move || connector.connect_all(&ranks));
         }
         Ok(Some(Self(
             events,
@@ -133,12 +138,12 @@ impl Heartbeats {
         )))
     }
 
-    /// Says to the others that this rank may end from now on.
+    /// Sends the others a goodbye: this rank may end from now on.
     pub fn bye(&self) {
         let (done, is_done) = channel();
         if self.0.send(Event::Bye(done)).is_ok() {
             // Nothing comes: its end is dropped.
-            let _ = is_done.recv_timeout(SLOWEST);
+            let _ = is_done.recv_timeout(LONGEST_INTERVAL);
         }
     }
 }
@@ -151,7 +156,7 @@ fn any_number() -> u128 {
 
 /// Description that a rank sends of itself over MPI, one item per line.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Card {
+struct RankInfo {
     timeout: Option<Duration>,
     run: u128,
     name: String,
@@ -159,7 +164,7 @@ struct Card {
     addresses: Vec<IpAddr>,
 }
 
-impl Card {
+impl RankInfo {
     fn text(&self) -> String {
         let Self { timeout, run, name, port, addresses } = self;
         let timeout = timeout.map_or(0, |timeout| timeout.as_millis());
@@ -185,48 +190,48 @@ impl Card {
         self.name.rsplit_once(':').map_or(&self.name, |(host, _)| host)
     }
 
-    /// Returns the addresses for a call from the machine of `caller`, first the ones where an answer is likely.
-    fn addresses_for(&self, caller: &Self) -> Vec<IpAddr> {
+    /// Returns the addresses for a connection from the machine of `other`, first the ones where an answer is likely.
+    fn addresses_for(&self, other: &Self) -> Vec<IpAddr> {
         // Its own address means another machine elsewhere.
         let (local, others): (Vec<_>, Vec<_>) = self.addresses.iter().partition(|address| address.is_loopback());
-        if self.host() == caller.host() { [local, others].concat() } else { others }
+        if self.host() == other.host() { [local, others].concat() } else { others }
     }
 }
 
-/// Calls other ranks until they are all connected.
-struct Caller {
-    hello: Hello,
-    cards: Arc<Vec<Card>>,
+/// Connects to other ranks until all are connected.
+struct Connector {
+    handshake: Handshake,
+    infos: Arc<Vec<RankInfo>>,
     linked: Arc<[AtomicBool]>,
     events: Sender<Event>,
 }
 
-impl Caller {
-    fn call_all(&self, whom: &[usize]) {
-        let (begun, me) = (Instant::now(), self.hello.from as usize);
-        let mut answered = vec![None::<Instant>; self.cards.len()];
-        while begun.elapsed() < CALLING {
-            let missing = whom.iter().copied().filter(|rank| !self.linked[*rank].load(Ordering::Acquire));
+impl Connector {
+    fn connect_all(&self, ranks: &[usize]) {
+        let (begun, me) = (Instant::now(), self.handshake.from as usize);
+        let mut answered = vec![None::<Instant>; self.infos.len()];
+        while begun.elapsed() < CONNECT_WINDOW {
+            let missing = ranks.iter().copied().filter(|rank| !self.linked[*rank].load(Ordering::Acquire));
             let missing: Vec<usize> = missing.collect();
             if missing.is_empty() {
                 return;
             }
             for rank in missing {
                 // One that has answered is connected in a moment.
-                let waits = answered[rank].is_some_and(|at| at.elapsed() < OTHER_SIDE);
-                let Some(port) = self.cards[rank].port else { continue };
-                if waits || (rank > me && begun.elapsed() < OTHER_SIDE) {
+                let waits = answered[rank].is_some_and(|at| at.elapsed() < REVERSE_CONNECT_DELAY);
+                let Some(port) = self.infos[rank].port else { continue };
+                if waits || (rank > me && begun.elapsed() < REVERSE_CONNECT_DELAY) {
                     continue;
                 }
-                let addresses = self.cards[rank].addresses_for(&self.cards[me]);
-                if let Some(stream) = call(&addresses, port, Hello { to: rank as u32, ..self.hello }) {
+                let addresses = self.infos[rank].addresses_for(&self.infos[me]);
+                if let Some(stream) = connect(&addresses, port, Handshake { to: rank as u32, ..self.handshake }) {
                     answered[rank] = Some(Instant::now());
                     if self.events.send(Event::Answered(rank, stream)).is_err() {
                         return;
                     }
                 }
             }
-            thread::sleep(LOOK);
+            thread::sleep(POLL_INTERVAL);
         }
     }
 }
@@ -236,7 +241,7 @@ impl Caller {
 struct Peer {
     name: String,
     links: Vec<Link>,
-    /// Whether it was ever heard of.
+    /// Whether it ever sent a signal.
     is_known: bool,
     said_bye: bool,
     silence: Duration,
@@ -244,21 +249,21 @@ struct Peer {
 
 /// State of the watching thread.
 struct Watch {
-    hello: Hello,
+    handshake: Handshake,
     timeout: Duration,
     peers: Vec<Peer>,
-    /// Whether each rank is connected; for those who call.
+    /// Whether each rank is connected; for the connecting threads.
     linked: Arc<[AtomicBool]>,
-    /// None once all have called, or the time for that is over.
+    /// None once all are connected, or the time for that is over.
     listener: Option<TcpListener>,
-    guests: Vec<(Guest, Duration)>,
-    calling: Duration,
+    pending: Vec<(PendingConnection, Duration)>,
+    connecting: Duration,
     said_bye: bool,
 }
 
 impl Watch {
     fn new(
-        hello: Hello,
+        handshake: Handshake,
         timeout: Duration,
         names: impl Iterator<Item = String>,
         listener: Option<TcpListener>,
@@ -266,38 +271,38 @@ impl Watch {
         let peer = |name| Peer { name, links: Vec::new(), is_known: false, said_bye: false, silence: Duration::ZERO };
         let peers: Vec<Peer> = names.map(peer).collect();
         let linked = peers.iter().map(|_| AtomicBool::new(false)).collect();
-        let (guests, calling) = (Vec::new(), Duration::ZERO);
-        Self { hello, timeout, peers, linked, listener, guests, calling, said_bye: false }
+        let (pending, connecting) = (Vec::new(), Duration::ZERO);
+        Self { handshake, timeout, peers, linked, listener, pending, connecting, said_bye: false }
     }
 
-    /// Until a rank is lost, or nobody needs it any more.
-    fn run(mut self, events: &Receiver<Event>, mut tell: Box<dyn FnMut(News) + Send>) {
-        let beat = (self.timeout / BEATS).clamp(FASTEST, SLOWEST);
+    /// Runs until a rank is lost or all have ended.
+    fn run(mut self, events: &Receiver<Event>, mut report: Box<dyn FnMut(News) + Send>) {
+        let beat = (self.timeout / HEARTBEATS_PER_TIMEOUT).clamp(SHORTEST_INTERVAL, LONGEST_INTERVAL);
         let mut last = Instant::now();
         loop {
-            let tick = if self.is_calling() { LOOK.min(beat) } else { beat };
+            let tick = if self.is_connecting() { POLL_INTERVAL.min(beat) } else { beat };
             match events.recv_timeout(tick) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            // However long this thread did not run, the others could be heard for no longer than it takes to look.
+            // Time in which this thread did not run is no silence of the others.
             let now = Instant::now();
             let passed = (now - std::mem::replace(&mut last, now)).min(2 * beat);
-            self.receive_guests(passed);
-            self.say(Word::Beat);
-            let lost = self.listen(passed);
+            self.accept_connections(passed);
+            self.send(Signal::Heartbeat);
+            let lost = self.receive(passed);
             if !lost.is_empty() {
-                return tell(News::Lost(lost));
+                return report(News::Lost(lost));
             }
-            if let Some(news) = self.end_of_calls(passed) {
-                tell(news);
+            if let Some(news) = self.end_of_connecting(passed) {
+                report(news);
             }
         }
     }
 
-    fn is_calling(&self) -> bool {
-        self.calling < CALLING
+    fn is_connecting(&self) -> bool {
+        self.connecting < CONNECT_WINDOW
     }
 
     fn take(&mut self, event: Event) {
@@ -305,39 +310,44 @@ impl Watch {
             Event::Answered(rank, stream) => self.add(rank, Link::new(stream)),
             Event::Bye(done) => {
                 self.said_bye = true;
-                self.say(Word::Bye);
+                self.send(Signal::Bye);
                 drop(done);
             }
         }
     }
 
-    /// A connection that cannot be used is one that did not come about.
+    /// Adds a connection; one that cannot be used is dropped.
     fn add(&mut self, rank: usize, link: std::io::Result<Link>) {
         if let Ok(mut link) = link {
-            link.say(if self.said_bye { Word::Bye } else { Word::Beat });
+            link.send(if self.said_bye { Signal::Bye } else { Signal::Heartbeat });
             self.peers[rank].links.push(link);
         }
     }
 
-    fn say(&mut self, word: Word) {
-        self.peers.iter_mut().flat_map(|peer| &mut peer.links).for_each(|link| link.say(word));
+    fn send(&mut self, signal: Signal) {
+        self.peers.iter_mut().flat_map(|peer| &mut peer.links).for_each(|link| link.send(signal));
     }
 
-    /// Takes calls, and learns who calls.
-    fn receive_guests(&mut self, passed: Duration) {
+    /// Accepts connections, and answers their handshakes.
+    fn accept_connections(&mut self, passed: Duration) {
         while let Some(Ok((stream, _))) = self.listener.as_ref().map(TcpListener::accept) {
-            if let (Ok(guest), true) = (Guest::new(stream), self.guests.len() < 2 * self.peers.len() + BEATS as usize) {
-                self.guests.push((guest, Duration::ZERO));
+            if let (Ok(connection), true) = (
+                PendingConnection::new(stream),
+                self.pending.len() < 2 * self.peers.len() + HEARTBEATS_PER_TIMEOUT as usize,
+            ) {
+                self.pending.push((connection, Duration::ZERO));
             }
         }
-        for (mut guest, waited) in std::mem::take(&mut self.guests) {
-            match guest.name() {
-                Ok(None) if waited < GRACE => self.guests.push((guest, waited + passed)),
-                Ok(Some(name)) => {
-                    let from = name.from as usize;
-                    let is_one = from < self.peers.len() && name.from != self.hello.from;
-                    if is_one && name == (Hello { from: name.from, to: self.hello.from, ..self.hello }) {
-                        self.add(from, guest.welcome(name));
+        for (mut connection, waited) in std::mem::take(&mut self.pending) {
+            match connection.handshake() {
+                Ok(None) if waited < GRACE => self.pending.push((connection, waited + passed)),
+                Ok(Some(handshake)) => {
+                    let from = handshake.from as usize;
+                    let is_one = from < self.peers.len() && handshake.from != self.handshake.from;
+                    if is_one
+                        && handshake == (Handshake { from: handshake.from, to: self.handshake.from, ..self.handshake })
+                    {
+                        self.add(from, connection.accept(handshake));
                     }
                 }
                 Ok(None) | Err(()) => {}
@@ -345,18 +355,18 @@ impl Watch {
         }
     }
 
-    /// Hears the others; returns those that are lost.
-    fn listen(&mut self, passed: Duration) -> Vec<Lost> {
+    /// Receives the signals of the others; returns the lost ranks.
+    fn receive(&mut self, passed: Duration) -> Vec<Lost> {
         let (mut reported, mut is_late) = (Vec::new(), false);
         for (rank, peer) in self.peers.iter_mut().enumerate() {
             let was_linked = !peer.links.is_empty();
-            let mut is_heard = false;
+            let mut has_received = false;
             peer.links.retain_mut(|link| {
-                let (words, is_open) = link.listen();
-                for word in words {
-                    is_heard = true;
-                    peer.said_bye |= word == Word::Bye;
-                    if let Word::Lost(lost, how) = word {
+                let (signals, is_open) = link.receive();
+                for signal in signals {
+                    has_received = true;
+                    peer.said_bye |= signal == Signal::Bye;
+                    if let Signal::Lost(lost, how) = signal {
                         reported.push((lost as usize, how));
                     }
                 }
@@ -365,7 +375,7 @@ impl Watch {
             });
             self.linked[rank].store(peer.is_known, Ordering::Release);
             let is_cut = was_linked && peer.links.is_empty();
-            peer.silence = if is_heard || is_cut { Duration::ZERO } else { peer.silence + passed };
+            peer.silence = if has_received || is_cut { Duration::ZERO } else { peer.silence + passed };
             is_late |= peer.is_lost(self.timeout, self.said_bye);
         }
         if is_late || !reported.is_empty() {
@@ -374,49 +384,49 @@ impl Watch {
         Vec::new()
     }
 
-    /// Returns the lost ranks, and the ranks that are as silent as ranks on the same machine would be; tells the
-    /// others.
+    /// Returns the lost ranks, and the ranks that are as silent as ranks on the same machine would be; sends
+    /// them to the others.
     fn all_lost(&mut self, reported: &[(usize, How)]) -> Vec<Lost> {
         let mut lost = Vec::new();
         for (rank, peer) in self.peers.iter().enumerate() {
             let own = peer.is_lost(self.timeout / 2, self.said_bye).then(|| peer.how());
             let how = own.or_else(|| reported.iter().find(|(of, _)| *of == rank).map(|(_, how)| *how));
-            if let (Some(how), true) = (how, rank != self.hello.from as usize) {
+            if let (Some(how), true) = (how, rank != self.handshake.from as usize) {
                 let (ranks, name) = (self.peers.len(), peer.name.clone());
                 lost.push(Lost { rank, ranks, name, how, timeout: self.timeout });
             }
         }
         for one in &lost {
-            self.say(Word::Lost(one.rank as u32, one.how));
+            self.send(Signal::Lost(one.rank as u32, one.how));
         }
         lost
     }
 
-    /// When the time for calls is over, or all are connected: nobody calls any more. Returns once whether all are connected.
-    fn end_of_calls(&mut self, passed: Duration) -> Option<News> {
-        if !self.is_calling() {
+    /// Closes the listener when the time to connect is over or all are connected. Returns once whether all are connected.
+    fn end_of_connecting(&mut self, passed: Duration) -> Option<News> {
+        if !self.is_connecting() {
             return None;
         }
-        self.calling += passed;
-        let me = self.hello.from as usize;
+        self.connecting += passed;
+        let me = self.handshake.from as usize;
         let missing = |(rank, peer): &(usize, &Peer)| *rank != me && !peer.is_known;
         let missing =
             self.peers.iter().enumerate().filter(missing).map(|(rank, peer)| format!("rank {rank} ({})", peer.name));
         let missing: Vec<String> = missing.collect();
         if missing.is_empty() {
-            self.calling = CALLING;
+            self.connecting = CONNECT_WINDOW;
         }
-        if self.is_calling() {
+        if self.is_connecting() {
             return None;
         }
         self.listener = None;
-        self.guests.clear();
+        self.pending.clear();
         Some(if missing.is_empty() { News::Connected } else { News::Unreachable(missing) })
     }
 }
 
 impl Peer {
-    /// Whether it is lost, if silence is a loss after so long. Of two that may both end, neither is.
+    /// Whether it is lost, with silence as a loss after `timeout`. Of two that may both end, neither is.
     fn is_lost(&self, timeout: Duration, may_end: bool) -> bool {
         match self.how() {
             How::Silent => self.is_known && self.silence >= timeout,

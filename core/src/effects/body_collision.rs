@@ -3,14 +3,14 @@
 //! It exists as soon as the scene has a body; each body brings its own `friction` and `thickness`. What it does is in
 //! `crate::contact::bodies`.
 
-use crate::contact::bodies::collision::{BodyCollision, SECTION};
+use crate::contact::bodies::collision::{BodyCollision, EFFECT, SECTION};
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::settings::Settings;
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
-    name: "body_collision",
+    name: EFFECT,
     summary: "collision of cloth with bodies (colliders), and friction",
     scope: Scope::Implied,
     example: r#"[[body]]

@@ -212,7 +212,7 @@ impl Halo {
 
     /// Sends the ranks with copies of own vertices a list each, in the order of [`Halo::sends`]; returns the lists of the owners
     /// of ghosts, in the order of [`Halo::receives`].
-    pub(crate) fn tell_holders_encoded<T: Codec>(
+    pub(crate) fn send_to_ghost_ranks<T: Codec>(
         &self,
         ranks: &Ranks,
         name: &'static str,
@@ -226,9 +226,9 @@ impl Halo {
         received.iter().map(|bytes| message::decode_all(ranks.rank(), name, bytes)).collect()
     }
 
-    /// The other way round: sends the owners of ghosts the rows that `of` has for each run of ghosts; returns what comes for own
+    /// Sends the owners of ghosts the rows that `of` has for each run of ghosts; returns what comes for own
     /// vertices, in the order of [`Halo::sends`].
-    pub(crate) fn tell_owners<T: Pod>(
+    pub(crate) fn send_to_owners<T: Pod>(
         &self,
         ranks: &Ranks,
         name: &'static str,

@@ -54,11 +54,6 @@ impl Partition {
         self.starts[self.starts.len() - 1]
     }
 
-    /// Number of all parts.
-    pub fn part_count(&self) -> usize {
-        self.starts.len() - 1
-    }
-
     /// First vertex of each part in the scene's numbering, and the number of all vertices at the end.
     pub(crate) fn starts(&self) -> &[usize] {
         &self.starts

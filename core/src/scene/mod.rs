@@ -491,7 +491,7 @@ impl Scene {
         let modelled = || self.meshes.iter().flat_map(|mesh| mesh.modelled_positions()).copied().collect();
         let x = self.start.clone().unwrap_or_else(modelled);
         let mut v = self.velocities.clone().unwrap_or_else(uniform);
-        self.stop_inert(&mut v);
+        self.stop_isolated(&mut v);
         [x, v]
     }
 
@@ -511,7 +511,7 @@ impl Scene {
     }
 
     /// Sets the velocities of isolated vertices to zero, halo included.
-    fn stop_inert(&self, v: &mut [Vec3]) {
+    fn stop_isolated(&self, v: &mut [Vec3]) {
         if let Some(isolated) = &self.isolated {
             isolated.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
             self.parts.halo().update(self.parts.ranks(), v);

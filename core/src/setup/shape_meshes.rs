@@ -10,7 +10,7 @@ use crate::scene::{BodyDescription, BodyShape, ContactSide, SceneDescription};
 /// of the start, whatever thickness a curve gives the body later.
 pub(crate) fn shape_meshes(description: &SceneDescription) -> Vec<Option<ShapeMesh>> {
     let has = |holds: &dyn Fn(&str) -> bool| description.effects.iter().any(|request| holds(&request.effect));
-    let touches = has(&|effect| effect == collision::SECTION.name);
+    let touches = has(&|effect| effect == collision::EFFECT);
     let in_pairs = has(&|effect| registry::find(effect).is_some_and(|spec| spec.needs.contains(&Need::PairList)));
     if !(touches && in_pairs) {
         return vec![None; description.bodies.len()];

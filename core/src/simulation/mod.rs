@@ -20,7 +20,7 @@ use crate::scene::Scene;
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::by_part;
 use crate::state::State;
-use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays};
+use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays, VelocityNeeds};
 use crate::time_step::StepLimit;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
@@ -264,9 +264,9 @@ impl Simulation {
         }
         let lowered = repulsion.map_or_else(Vec::new, |(_, clamp)| lowered_thickness(&scene, clamp, &mut plan));
         let contacts = Contacts { bodies: collision, cloth: self_contact };
-        let with_v_star = contacts.bodies.is_some();
+        let needs = VelocityNeeds { v_star: contacts.bodies.is_some(), seen: sees_velocities };
         let stages = solver.integrator.spec().is_implicit.then(|| StageArrays::new(parts, &forces));
-        let scratch = Scratch::new(&scene, &forces, [with_v_star, sees_velocities], stages);
+        let scratch = Scratch::new(&scene, &forces, needs, stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
         let integrator_change = IntegratorChange::new(&scene);

@@ -341,7 +341,7 @@ impl Simulation {
             retry.concerned.clear();
             retry.held = None;
             if let Some(contact) = &mut self.contacts.cloth {
-                contact.set_effort(Strategy::Usual, Vec::new());
+                contact.set_strategy(Strategy::Usual, Vec::new());
             }
         }
         was_retrying
@@ -408,7 +408,7 @@ impl Simulation {
                 RetryLevel::Zones | RetryLevel::Thinner | RetryLevel::Held => Strategy::Zones,
             };
             let is_thin = level as usize >= RetryLevel::Thinner as usize;
-            contact.set_effort(effort, if is_thin { retry.concerned.clone() } else { Vec::new() });
+            contact.set_strategy(effort, if is_thin { retry.concerned.clone() } else { Vec::new() });
         }
     }
 

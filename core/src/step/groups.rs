@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::contact::bodies::active_set::ActiveSet;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
-use crate::contact::self_contact::{Ending, SelfContact};
+use crate::contact::self_contact::{EndOptions, Ending, SelfContact};
 use crate::effects::force::VelocityFilter;
 use crate::metrics::Metrics;
 use crate::observe::Quantity;
@@ -118,12 +118,21 @@ impl Contacts {
     ) -> Ending {
         let Self { bodies, cloth: Some(contact) } = self else { return Ending::Resolved };
         let CollisionEnd { x, v, duration, may_rewind, checks_all } = end;
-        let options = [may_rewind, checks_all];
+        let options = EndOptions { may_rewind, checks_all };
         let ending = contact.end_collision_step((x, v), prescribed, duration, options, metrics, bodies.as_mut());
         let (mut x, mut v) = (x, v);
         parts.halo().update_all(parts.ranks(), &mut [&mut x, &mut v]);
         ending
     }
+}
+
+/// Velocities besides v and v½ that the solves of a scene need.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VelocityNeeds {
+    /// v*, because contact changes velocities between B.3 and B.5.
+    pub v_star: bool,
+    /// Velocities that forces look at.
+    pub seen: bool,
 }
 
 /// Arrays that a step writes and the next one overwrites; never saved.
@@ -144,19 +153,18 @@ pub(crate) struct Scratch {
 }
 
 impl Scratch {
-    /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `sees_velocities` if forces
-    /// look at velocities, `stages` where the integrator is implicit.
+    /// Arrays for the local vertices; `stages` where the integrator is implicit.
     pub(crate) fn new(
         scene: &Scene,
         forces: &PartForces,
-        [with_v_star, sees_velocities]: [bool; 2],
+        needs: VelocityNeeds,
         stages: Option<StageArrays>,
     ) -> Self {
         let vertices = vec![Vec3::zeros(); scene.parts().local_count()];
-        let solves = stages.is_none().then(|| Box::new(SolveArrays::new(scene, forces, sees_velocities)));
+        let solves = stages.is_none().then(|| Box::new(SolveArrays::new(scene, forces, needs.seen)));
         Self {
             v_half: vertices.clone(),
-            v_star: if with_v_star { vertices.clone() } else { Vec::new() },
+            v_star: if needs.v_star { vertices.clone() } else { Vec::new() },
             x_new: vertices,
             solves,
             stages: stages.map(Box::new),

@@ -24,7 +24,7 @@ mod tr_bdf2;
 
 pub(crate) use implicit::StageArrays;
 
-pub(crate) use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch};
+pub(crate) use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch, VelocityNeeds};
 
 use crate::Vec3;
 use crate::contact::bodies::collision::CollisionStep;

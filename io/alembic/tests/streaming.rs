@@ -143,7 +143,8 @@ fn a_continued_archive_refuses_other_settings() {
     let root = archive.root();
     let refused = XformWriter::declare(&mut archive, root, "cloth", other_rate).unwrap_err();
     assert!(refused.to_string().contains("/cloth:.xform/.inherits"), "{refused}");
-    let mesh = archive.find_object("/cloth/clothShape").unwrap();
+    let cloth = archive.add_object(root, "cloth", &MetaData::new()).unwrap();
+    let mesh = archive.add_object(cloth, "clothShape", &MetaData::new()).unwrap();
     assert!(write_face_set(&mut archive, mesh, "panel", &[1], true).is_err(), "other faces");
 }
 

@@ -24,9 +24,9 @@ pub(super) struct Counted {
     /// Largest strains of each garment.
     pub(super) strains: Vec<WorstStrains>,
     /// The largest strain between pins that was reported.
-    told_strain: f64,
+    reported_strain: f64,
     /// The largest strain of any cloth that was.
-    told_overstretched: f64,
+    reported_overstretch: f64,
 }
 
 impl Counted {
@@ -59,8 +59,8 @@ impl Counted {
         WorstStrains::add(&mut self.strains, row);
         let risen = quality::watch(&mut self.exceeded, row.frame, |name| row.amount(name));
         let limits = risen.iter().map(quality::first_rise);
-        let torn = pinned::news(&mut self.told_strain, row);
-        let overstretched = overstretched::news(&mut self.told_overstretched, row);
+        let torn = pinned::news(&mut self.reported_strain, row);
+        let overstretched = overstretched::news(&mut self.reported_overstretch, row);
         recovery_line(row).into_iter().chain(limits).chain(torn).chain(overstretched).collect()
     }
 }

@@ -402,7 +402,7 @@ impl<'a> Run<'a> {
         if !digests.is_empty() {
             line["digests"] = json!(digests);
         }
-        self.tell_other_cuts(frame, &mut line, observer);
+        self.report_other_cuts(frame, &mut line, observer);
         for path in self.inputs.written_over(&self.fingerprint.digests) {
             observer.note(format!(
                 "input {} was written over and holds something else now: frame {frame} and those after it may follow either\n  \
@@ -429,7 +429,7 @@ impl<'a> Run<'a> {
     }
 
     /// Notes in the record what crosses in a frame along diagonals that the solver did not take, and says of which objects once.
-    fn tell_other_cuts(&mut self, frame: i64, line: &mut serde_json::Value, observer: &mut dyn Observer) {
+    fn report_other_cuts(&mut self, frame: i64, line: &mut serde_json::Value, observer: &mut dyn Observer) {
         let cuts = self.output.take_other_cuts();
         if cuts.is_empty() {
             return;

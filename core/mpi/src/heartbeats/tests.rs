@@ -22,20 +22,20 @@ fn watch(ranks: usize) -> (Watch, TcpListener) {
     listener.set_nonblocking(true).unwrap();
     let names = (0..ranks).map(|rank| format!("host:{rank}"));
     let own = listener.try_clone().unwrap();
-    (Watch::new(Hello { run: 9, from: 0, to: 0 }, TIMEOUT, names, Some(own)), listener)
+    (Watch::new(Handshake { run: 9, from: 0, to: 0 }, TIMEOUT, names, Some(own)), listener)
 }
 
 #[test]
 fn a_rank_that_ends_without_a_word_is_lost_to_all_others_and_one_that_says_so_is_not() {
-    let heard = LocalRanks::run(4, 1, |communicator| {
+    let received = LocalRanks::run(4, 1, |communicator| {
         let ranks = Ranks::new(communicator);
-        let (news, to_come) = channel();
-        let tell = move |one| drop(news.send(one));
+        let (news, incoming) = channel();
+        let report = move |one| drop(news.send(one));
         // What others than rank 0 ask for does not count.
         let timeout = if ranks.is_first() { Some(TIMEOUT) } else { None };
-        let beats = Heartbeats::start(&ranks, timeout, &format!("host:{}", ranks.rank()), tell).unwrap().unwrap();
+        let beats = Heartbeats::start(&ranks, timeout, &format!("host:{}", ranks.rank()), report).unwrap().unwrap();
         while (0..4).any(|rank| rank != ranks.rank() && !beats.1[rank].load(Ordering::Acquire)) {
-            thread::sleep(LOOK);
+            thread::sleep(POLL_INTERVAL);
         }
         ranks.barrier();
         match ranks.rank() {
@@ -50,13 +50,13 @@ fn a_rank_that_ends_without_a_word_is_lost_to_all_others_and_one_that_says_so_is
                 drop(beats);
                 None
             }
-            _ => Some([(); 2].map(|()| to_come.recv_timeout(PATIENCE))),
+            _ => Some([(); 2].map(|()| incoming.recv_timeout(PATIENCE))),
         }
     });
     let lost = Lost { rank: 2, ranks: 4, name: "host:2".to_owned(), how: How::Ended, timeout: TIMEOUT };
     assert_eq!(lost.to_string(), "rank 2 of 4 (host:2) ended before the others");
-    for heard in heard.unwrap().into_iter().flatten() {
-        assert_eq!(heard, [Ok(News::Connected), Ok(News::Lost(vec![lost.clone()]))]);
+    for received in received.unwrap().into_iter().flatten() {
+        assert_eq!(received, [Ok(News::Connected), Ok(News::Lost(vec![lost.clone()]))]);
     }
 }
 
@@ -78,27 +78,27 @@ fn silence_is_a_loss_when_it_has_lasted_and_names_all_that_are_as_silent() {
         watch.add(rank, Link::new(own));
         (Link::new(other).unwrap(), rank)
     });
-    streams.iter_mut().for_each(|(stream, _)| stream.say(Word::Beat));
+    streams.iter_mut().for_each(|(stream, _)| stream.send(Signal::Heartbeat));
     while watch.peers.iter().filter(|peer| peer.is_known).count() < 3 {
-        assert_eq!(watch.listen(Duration::ZERO), []);
+        assert_eq!(watch.receive(Duration::ZERO), []);
     }
     watch.peers[2].silence = TIMEOUT - Duration::from_millis(1);
     watch.peers[3].silence = TIMEOUT - Duration::from_millis(200);
-    assert_eq!(watch.listen(Duration::ZERO), []);
+    assert_eq!(watch.receive(Duration::ZERO), []);
     watch.peers[2].silence = TIMEOUT;
-    let lost = watch.listen(Duration::ZERO);
+    let lost = watch.receive(Duration::ZERO);
     assert_eq!(lost.iter().map(|lost| (lost.rank, lost.how)).collect::<Vec<_>>(), [(2, How::Silent), (3, How::Silent)]);
     assert_eq!(lost[0].to_string(), "rank 2 of 4 (host:2) sent no heartbeat for 1.5 s");
     // The others learn it.
-    let mut words = Vec::new();
-    while words.len() < 3 {
-        words.extend(streams[0].0.listen().0);
+    let mut signals = Vec::new();
+    while signals.len() < 3 {
+        signals.extend(streams[0].0.receive().0);
     }
-    assert_eq!(words, [Word::Beat, Word::Lost(2, How::Silent), Word::Lost(3, How::Silent)]);
+    assert_eq!(signals, [Signal::Heartbeat, Signal::Lost(2, How::Silent), Signal::Lost(3, How::Silent)]);
     // A word ends the silence.
-    streams[1].0.say(Word::Beat);
+    streams[1].0.send(Signal::Heartbeat);
     while watch.peers[2].silence > Duration::ZERO {
-        watch.listen(Duration::ZERO);
+        watch.receive(Duration::ZERO);
     }
 }
 
@@ -108,9 +108,9 @@ fn what_another_rank_says_of_a_loss_is_believed() {
     let [other, own] = pair();
     watch.add(1, Link::new(own));
     let mut other = Link::new(other).unwrap();
-    other.say(Word::Lost(2, How::Ended));
+    other.send(Signal::Lost(2, How::Ended));
     let lost = loop {
-        let lost = watch.listen(Duration::ZERO);
+        let lost = watch.receive(Duration::ZERO);
         if !lost.is_empty() {
             break lost;
         }
@@ -134,9 +134,9 @@ fn strangers_who_call_are_not_taken_for_ranks() {
     let _kept: Vec<TcpStream> = strangers.iter().map(|name| call(name)).collect();
     let _rank = call(&name(9, 2, 0));
     while watch.peers[2].links.is_empty() {
-        watch.receive_guests(Duration::ZERO);
+        watch.accept_connections(Duration::ZERO);
     }
-    assert!(watch.guests.is_empty() && watch.peers[0].links.is_empty() && watch.peers[1].links.is_empty());
+    assert!(watch.pending.is_empty() && watch.peers[0].links.is_empty() && watch.peers[1].links.is_empty());
 }
 
 #[test]
@@ -145,26 +145,29 @@ fn ranks_that_cannot_be_reached_are_named_once() {
     let [_other, own] = pair();
     watch.add(1, Link::new(own));
     watch.peers[1].is_known = true;
-    assert_eq!(watch.end_of_calls(CALLING / 2), None);
-    assert_eq!(watch.end_of_calls(CALLING / 2), Some(News::Unreachable(vec!["rank 2 (host:2)".to_owned()])));
-    assert_eq!(watch.end_of_calls(CALLING), None);
+    assert_eq!(watch.end_of_connecting(CONNECT_WINDOW / 2), None);
+    assert_eq!(
+        watch.end_of_connecting(CONNECT_WINDOW / 2),
+        Some(News::Unreachable(vec!["rank 2 (host:2)".to_owned()]))
+    );
+    assert_eq!(watch.end_of_connecting(CONNECT_WINDOW), None);
     assert!(watch.listener.is_none());
 }
 
 #[test]
-fn cards_come_as_they_were_written_and_the_own_address_is_called_on_one_machine_alone() {
-    let card = |name: &str, port| Card {
+fn rank_infos_are_read_as_they_were_written_and_loopback_serves_one_machine_alone() {
+    let info = |name: &str, port| RankInfo {
         timeout: Some(Duration::from_millis(2500)),
         run: any_number(),
         name: name.to_owned(),
         port,
         addresses: ["10.0.0.1", "2001:db8::1", "127.0.0.1"].map(|text| text.parse().unwrap()).to_vec(),
     };
-    for one in [card("render042:17", Some(40_000)), card("a:1", None)] {
-        assert_eq!(Card::read(&one.text()), one);
+    for one in [info("render042:17", Some(40_000)), info("a:1", None)] {
+        assert_eq!(RankInfo::read(&one.text()), one);
     }
     assert_ne!(any_number(), any_number());
-    let [here, there] = ["render042:17", "render043:17"].map(|name| card(name, Some(1)));
+    let [here, there] = ["render042:17", "render043:17"].map(|name| info(name, Some(1)));
     let text = |addresses: Vec<IpAddr>| addresses.iter().map(IpAddr::to_string).collect::<Vec<_>>();
     assert_eq!(text(here.addresses_for(&here)), ["127.0.0.1", "10.0.0.1", "2001:db8::1"]);
     assert_eq!(text(here.addresses_for(&there)), ["10.0.0.1", "2001:db8::1"]);

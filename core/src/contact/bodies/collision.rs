@@ -34,8 +34,11 @@ use marks::{CHUNK, Marks, bit, constrained};
 use pinch::Pinch;
 use rules::BodyRules;
 
+/// Name of the effect.
+pub(crate) const EFFECT: &str = "body_collision";
+
 /// Identifier of the saved section with the distances of deforming bodies, which is absent without such bodies.
-pub(crate) const SECTION: SectionId = SectionId { name: "body_collision", version: 1 };
+pub(crate) const SECTION: SectionId = SectionId { name: EFFECT, version: 1 };
 
 /// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
 /// until they can have come closer.

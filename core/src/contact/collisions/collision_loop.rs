@@ -60,13 +60,13 @@ pub(crate) struct Collisions<'a> {
     pub duration: f64,
     /// Pairs that are left alone because they cross at the start, by the scene's numbers of their nodes.
     pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
-    /// Whether what impulses do not resolve is given back for a shorter collision step.
-    pub may_give_back: bool,
-    /// Effort spent on the resolution.
-    pub effort: Strategy,
+    /// Whether the loop may end for a rewind to a shorter collision step, instead of resolving in zones.
+    pub may_rewind: bool,
+    /// Strategy of the resolution.
+    pub strategy: Strategy,
 }
 
-/// Effort spent on resolving collisions: more than usual where the usual effort did not do.
+/// Strategy of resolving collisions: a stronger one where the usual one failed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Strategy {
     /// Some attempts with impulses, then zones.
@@ -98,8 +98,8 @@ pub(crate) struct LoopOutcome {
     pub hard: bool,
     /// Whether pairs were given up, so that cloth may cross what is prescribed.
     pub pinched: bool,
-    /// Whether nothing was resolved, for a shorter collision step to try.
-    pub given_back: bool,
+    /// Whether nothing was resolved, so that the collision step is rewound and retried shorter.
+    pub rewound: bool,
     /// Whether zones stayed where they were, because nothing else resolved them.
     pub stopped: bool,
     /// Nodes of such zones of this rank, by their numbers in the scene.
@@ -151,9 +151,9 @@ impl CollisionLoop {
         let mut attempts = 0;
         while everywhere > 0 {
             attempts += 1;
-            let attempt = collisions.effort.attempt(attempts);
-            if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
-                return LoopOutcome { given_back: true, ..LoopOutcome::default() };
+            let attempt = collisions.strategy.attempt(attempts);
+            if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_rewind && is_hard(collisions, everywhere) {
+                return LoopOutcome { rewound: true, ..LoopOutcome::default() };
             }
             metrics.count("collision_hits", detected.len() as u64);
             let (surface, gap) = (&*collisions.surface, collisions.gap);
@@ -192,7 +192,7 @@ impl CollisionLoop {
             moved,
             hard,
             pinched: given_up > 0,
-            given_back: false,
+            rewound: false,
             stopped: stopped > 0,
             stopped_nodes: response.stopped_nodes,
         }

@@ -267,18 +267,18 @@ impl Zones {
             joined.entry(*first).or_default().0.join(zone);
         }
         for (collision, first) in collisions.iter().zip(of_collisions) {
-            let (zone, is_hit) = joined.entry(*first).or_default();
+            let (zone, collides) = joined.entry(*first).or_default();
             zone.nodes.extend(collision.moving());
             zone.collisions.push((attempt, *collision));
-            *is_hit = true;
+            *collides = true;
         }
         let mut active = Vec::new();
-        for (place, (mut zone, is_hit)) in joined.into_values().enumerate() {
+        for (place, (mut zone, collides)) in joined.into_values().enumerate() {
             zone.nodes.sort_unstable();
             zone.nodes.dedup();
             zone.collisions.sort_unstable_by_key(|(attempt, collision)| (*attempt, collision.pair));
             self.zones.push(zone);
-            active.extend(is_hit.then_some(place));
+            active.extend(collides.then_some(place));
         }
         self.note_places();
         active

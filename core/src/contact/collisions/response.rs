@@ -28,7 +28,7 @@ pub(super) const IMPULSE_ATTEMPTS: u32 = 6;
 const INELASTIC_ATTEMPTS: u32 = 12;
 
 /// Attempts after which pairs with a prescribed node that did not move like the others of its zone are given up.
-const GIVE_UP_FROM: u32 = IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + INELASTIC_ATTEMPTS / 2;
+const DROP_FROM: u32 = IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + INELASTIC_ATTEMPTS / 2;
 
 /// Attempts after which zones are rigid.
 const RIGID_FROM: u32 = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
@@ -110,7 +110,7 @@ impl Response {
         if attempt <= IMPULSE_ATTEMPTS {
             for collision in own {
                 let places = collision.pair.nodes.map(|number| kinematics.local(number));
-                let nodes = HitNodes { start: kinematics.start, mobility: kinematics.mobility, gap: kinematics.gap };
+                let nodes = CollidingNodes { start: kinematics.start, mobility: kinematics.mobility, gap: kinematics.gap };
                 if impulse(&collision, places, &nodes, displacements) {
                     touched.extend(collision.moving().map(|number| kinematics.local(number)));
                 }
@@ -144,11 +144,11 @@ impl Response {
 
     /// Gives up what cannot be helped: pairs that no impulse can change, and after the last attempt all.
     fn drop_failed(&mut self, kinematics: &Kinematics<'_>, attempt: u32, collisions: Vec<Collision>) -> Vec<Collision> {
-        let is_hopeless = |collision: &Collision| {
+        let is_immovable = |collision: &Collision| {
             let constraint = collision.constraint(collision.pair.nodes.map(|number| kinematics.local(number)));
             response(&constraint, kinematics.mobility) == 0.0
         };
-        let mark_failed = |collision: &Collision| attempt > LAST_ATTEMPT || is_hopeless(collision);
+        let mark_failed = |collision: &Collision| attempt > LAST_ATTEMPT || is_immovable(collision);
         let (given_up, kept): (Vec<_>, Vec<_>) = collisions.into_iter().partition(mark_failed);
         self.mark_failed(given_up);
         kept
@@ -165,7 +165,7 @@ impl Response {
     ) -> (Vec<Collision>, Vec<Collision>) {
         let (closed, open) = (&self.closed, &self.open);
         let let_go = |zones: &Zones, collision: &Collision| {
-            let lets_go = |zone: &Zone| zone.has_released_prescribed || (attempt > GIVE_UP_FROM && zone.was_carried);
+            let lets_go = |zone: &Zone| zone.has_released_prescribed || (attempt > DROP_FROM && zone.was_carried);
             collision.has_prescribed() && zones.touched_by(collision, lets_go)
         };
         let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|collision| let_go(closed, collision));
@@ -266,7 +266,7 @@ impl Response {
         let mut changed = Vec::new();
         for (collision, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
-            let nodes = HitNodes { start: &start, mobility: &mobility, gap: kinematics.gap };
+            let nodes = CollidingNodes { start: &start, mobility: &mobility, gap: kinematics.gap };
             if impulse(collision, collision.pair.nodes.map(place), &nodes, &mut moved) {
                 changed.extend(collision.moving().map(place));
             }
@@ -379,7 +379,7 @@ impl ZoneSolution {
 }
 
 /// Nodes of collisions, in any numbering.
-struct HitNodes<'a> {
+struct CollidingNodes<'a> {
     /// Positions at the collision-free state [m].
     start: &'a [Vec3],
     /// Inverse masses per axis [1/kg].
@@ -391,8 +391,8 @@ struct HitNodes<'a> {
 /// Tests a collision again after the changes of those before it, and stops it if the pair still meets; returns whether
 /// it does. A pair that meets but needs no change turns a lot, and has to be tested again. Nodes are at `places` of the
 /// arrays.
-fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
-    let HitNodes { start, mobility, gap } = *nodes;
+fn impulse(collision: &Collision, places: [u32; 4], nodes: &CollidingNodes<'_>, displacements: &mut [Vec3]) -> bool {
+    let CollidingNodes { start, mobility, gap } = *nodes;
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
     let Some((contact, _)) = first_contact(collision.pair.kind, &start, &end, gap) else { return false };
@@ -419,7 +419,7 @@ fn named_by_others(nodes: &ContactNodes, collisions: &[Collision]) -> Vec<u32> {
     };
     const NAME: &str = "nodes of collisions";
     let mut named = Vec::new();
-    for ((_, list), places) in halo.sends().iter().zip(halo.tell_owners::<u32>(nodes.ranks(), NAME, named_of)) {
+    for ((_, list), places) in halo.sends().iter().zip(halo.send_to_owners::<u32>(nodes.ranks(), NAME, named_of)) {
         let place = |place: u32| message::index(nodes.ranks().rank(), NAME, place, list.len());
         named.extend(places.into_iter().map(|at| nodes.number(list[place(at)])));
     }

@@ -42,7 +42,7 @@ pub(crate) fn crossings(
     }
     let number = |node: u32| nodes.number(node);
     let mut all: Vec<Crossing> = found.iter().map(|c| numbered(c, number, number)).collect();
-    all.extend(with_visitors(surface, search, &cloth, moved));
+    all.extend(with_ghost_triangles(surface, search, &cloth, moved));
     let mut all = nodes.ranks().all_gather_v(&all).concat();
     all.sort_unstable();
     all.dedup();
@@ -55,7 +55,7 @@ fn placed<'a>(faces: &'a Faces, tree: &'a Bvh, x: &'a [Vec3]) -> Surface<'a> {
 }
 
 /// Crossings of the triangles of this rank with those of higher ranks.
-fn with_visitors(
+fn with_ghost_triangles(
     surface: &ContactSurface,
     search: &PairSearch,
     cloth: &Surface<'_>,

@@ -79,7 +79,7 @@ impl HaloPerColour {
             }
             lists.push(intervals);
         }
-        let received = halo.tell_holders_encoded(nodes.ranks(), Interval::NAME, &lists);
+        let received = halo.send_to_ghost_ranks(nodes.ranks(), Interval::NAME, &lists);
         let mut between: BTreeMap<usize, Between> = BTreeMap::new();
         for ((to, _), sent) in halo.sends().iter().zip(lists) {
             between.entry(*to).or_default().sent = sent;

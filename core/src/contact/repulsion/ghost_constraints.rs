@@ -4,8 +4,8 @@ use crate::Vec3;
 use crate::contact::bodies::constraints::{BodyConstraint, BodyConstraints, MAX_BODY_CONTACTS};
 use crate::contact::topology::nodes::ContactNodes;
 
-/// Gives ghosts the supports and the positions `x` of their owners. All ranks call it together.
-pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [BodyConstraints], x: &mut Vec<Vec3>) {
+/// Sends the supports and the positions `x` of own nodes to their ghosts. All ranks call it together.
+pub(crate) fn send_to_ghosts(nodes: &ContactNodes, all: &mut [BodyConstraints], x: &mut Vec<Vec3>) {
     // Four numbers each; nothing has a normal of zero.
     let numbers = |support: &Option<BodyConstraint>| {
         support.map_or([0.0; 4], |BodyConstraint { normal, least }| [normal.x, normal.y, normal.z, least])

@@ -112,13 +112,22 @@ pub(crate) struct SelfContact {
     /// Time since the last collision-free state, at the last call of C [s].
     elapsed: f64,
     /// Strategy by which the collisions of this collision step are resolved.
-    effort: Strategy,
+    strategy: Strategy,
     /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
     without_repulsion: Vec<u32>,
     /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
     frozen: Vec<u32>,
     /// See [`SelfContact::largest_correction`].
     largest_correction: (f64, u32),
+}
+
+/// Options of the end of a collision step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EndOptions {
+    /// Whether a hard case is left to a shorter collision step.
+    pub may_rewind: bool,
+    /// Whether the exact check looks at all cloth.
+    pub checks_all: bool,
 }
 
 /// Outcome of a collision step.
@@ -169,7 +178,7 @@ impl SelfContact {
             predicted_reach: skin::FIRST_PREDICTED,
             least_predicted: skin::least_predicted(place),
             elapsed: 0.0,
-            effort: Strategy::Usual,
+            strategy: Strategy::Usual,
             without_repulsion: Vec::new(),
             frozen: Vec::new(),
             largest_correction: (0.0, 0),
@@ -222,10 +231,10 @@ impl SelfContact {
         self.geometric.as_ref().map_or(1.0, |g| g.control.share)
     }
 
-    /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
+    /// Sets the strategy of the next collision step, and the vertices that nothing repels in it, by their numbers in the scene,
     /// ascending: alike on all ranks.
-    pub(crate) fn set_effort(&mut self, effort: Strategy, without_repulsion: Vec<u32>) {
-        (self.effort, self.without_repulsion) = (effort, without_repulsion);
+    pub(crate) fn set_strategy(&mut self, strategy: Strategy, without_repulsion: Vec<u32>) {
+        (self.strategy, self.without_repulsion) = (strategy, without_repulsion);
     }
 
     /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
@@ -354,14 +363,13 @@ impl SelfContact {
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
-    /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step, with `checks_all` the
-    /// exact check looks at all cloth. Body collision, if the scene has it, hears of the vertices that were moved.
+    /// [s]; `bodies` stand at its end. Body collision, if the scene has it, hears of the vertices that were moved.
     pub(crate) fn end_collision_step(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         bodies: &Bodies,
         duration: f64,
-        [may_rewind, checks_all]: [bool; 2],
+        EndOptions { may_rewind, checks_all }: EndOptions,
         metrics: &mut Metrics,
         mut body_collision: Option<&mut BodyCollision>,
     ) -> Ending {
@@ -393,7 +401,7 @@ impl SelfContact {
         }
         let outcome = self.resolve((bodies, &let_go), (duration, departure), may_rewind, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
-        if outcome.given_back {
+        if outcome.rewound {
             metrics.count_once(self.surface.ranks(), "rewinds", 1);
             geometric.control.failed();
             return Ending::Rewound;
@@ -475,8 +483,8 @@ impl SelfContact {
             gap: *gap,
             duration,
             ignored: &is_ignored,
-            may_give_back: may_rewind && control.steps > 1,
-            effort: self.effort,
+            may_rewind: may_rewind && control.steps > 1,
+            strategy: self.strategy,
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, proximity, search, paths, departure, metrics);

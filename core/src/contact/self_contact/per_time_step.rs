@@ -5,7 +5,7 @@ use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
-use crate::contact::repulsion::ghost_constraints::tell_ghosts;
+use crate::contact::repulsion::ghost_constraints::send_to_ghosts;
 use crate::contact::repulsion::pair_forces::{PairForce, PairStage};
 use crate::contact::repulsion::{Passes, RepulsionStep};
 use crate::contact::topology::nodes::ContactNodes;
@@ -108,7 +108,7 @@ impl SelfContact {
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
         if bears {
-            tell_ghosts(nodes, &mut self.constraints, contact_x);
+            send_to_ghosts(nodes, &mut self.constraints, contact_x);
         } else {
             nodes.update(contact_x);
         }

@@ -121,7 +121,7 @@ impl ContactSurface {
         };
         let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
         // Without their effect bodies are there only for pins to follow.
-        let collide = scene.description().effects.iter().any(|request| request.effect == collision::SECTION.name);
+        let collide = scene.description().effects.iter().any(|request| request.effect == collision::EFFECT);
         let bodies: Vec<BodyFaces<'_>> = shapes.filter(|_| collide).filter_map(of_body).collect();
         let surface = Self::of_share(LocalClothSurface::of(scene, clamp), &bodies);
         let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);

@@ -72,7 +72,7 @@ impl CleanMesh {
         let flat = flat.into_iter().map(|triangle| triangle.polygon).collect();
         let mut sound = Self { triangles, lives, follows, warnings: Vec::new() };
         sound.warnings = sound.warnings_of(ranks, name, block, LeftOut { repeated, flat });
-        sound.warnings.extend(told_coarse(ranks, name, farthest));
+        sound.warnings.extend(coarseness_warning(ranks, name, farthest));
         sound
     }
 
@@ -158,9 +158,9 @@ fn lives(ranks: &Ranks, blocks: &BlockDistribution, triangles: &[Triangle]) -> V
     lives
 }
 
-/// Says on rank 0 of faces without area that single precision may have taken it: how far from the origin the farthest of them is
+/// Returns on rank 0 the warning about faces without area that single precision may have taken it: how far from the origin the farthest of them is
 /// on each rank [m], and how far apart numbers are there.
-fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> {
+fn coarseness_warning(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> {
     let [far, apart] = ranks.max_of(farthest);
     (far > 0.0 && ranks.is_first()).then(|| {
         format!(

@@ -11,6 +11,15 @@ use crate::parallel::simd4::Simd4;
 use crate::solve::conjugate_gradient::Outcome;
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing};
 
+/// Pairs without a settled force, alike on all ranks.
+#[derive(Debug, Clone, Copy, Default)]
+struct Unsettled {
+    /// Whether some rank has such a pair.
+    is_unsettled: bool,
+    /// Whether more than [`UNSETTLED_SHARE`] of the vertices of some part belong to such pairs.
+    in_large_share: bool,
+}
+
 impl StageSolver<'_> {
     /// The forces of pairs in touch where the stage stands, at a fraction of the step.
     pub(super) fn evaluate_pairs(&mut self, fraction: f64) {
@@ -146,7 +155,8 @@ impl StageSolver<'_> {
             if is_short {
                 moved.iter_mut().zip(&self.arrays.worked_on).for_each(|(moved, worked_on)| *moved |= worked_on);
             }
-            let [is_unsettled, in_large_share] = if round >= MOST_ROUNDS { self.has_unsettled() } else { [false; 2] };
+            let Unsettled { is_unsettled, in_large_share } =
+                if round >= MOST_ROUNDS { self.unsettled() } else { Unsettled::default() };
             let modes_settled = !stage.positions_given || self.active.is_settled();
             let is_last = round >= MOST_ROUNDS && !is_unsettled && !is_short && modes_settled;
             if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
@@ -192,9 +202,8 @@ impl StageSolver<'_> {
         nodes
     }
 
-    /// Whether a pair is unsettled on some rank, and whether more than [`UNSETTLED_SHARE`] of the vertices of some part belong to such
-    /// pairs. All ranks call it together.
-    fn has_unsettled(&self) -> [bool; 2] {
+    /// Looks for unsettled pairs on all ranks, which call it together.
+    fn unsettled(&self) -> Unsettled {
         let parts = self.at.parts;
         let nodes = self.unsettled_nodes();
         let first_own = self.repulsion.as_deref().map_or(0, |contact| contact.nodes().own().start);
@@ -204,7 +213,8 @@ impl StageSolver<'_> {
         }
         let is_large =
             counts.iter().zip(parts.ranges()).any(|(count, part)| *count > UNSETTLED_SHARE * part.len() as f64);
-        parts.ranks().any_of([!nodes.is_empty(), is_large])
+        let [is_unsettled, in_large_share] = parts.ranks().any_of([!nodes.is_empty(), is_large]);
+        Unsettled { is_unsettled, in_large_share }
     }
 
     /// Notes that a part is unsettled at the end of the stage, and the own vertices of unsettled pairs.

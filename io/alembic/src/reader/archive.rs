@@ -11,7 +11,6 @@ use super::tables::{Tables, child_headers};
 use crate::error::{AlembicError, Fault};
 use crate::metadata::MetaData;
 use crate::ogawa::{ChunkSource, Group};
-use crate::time_sampling::TimeSampling;
 
 /// Objects may be nested this deep.
 const DEEPEST: usize = 1000;
@@ -80,11 +79,6 @@ impl Archive {
     /// Version of the writing library as major·10000 + minor·100 + patch.
     pub fn library_version(&self) -> i32 {
         self.shared.tables.library_version
-    }
-
-    /// All time samplings; index 0 is for static properties.
-    pub fn time_samplings(&self) -> impl Iterator<Item = &TimeSampling> {
-        self.shared.tables.samplings.iter().map(|(sampling, _)| sampling)
     }
 
     /// Largest number of samples of a property with this sampling, as noted by the writer.

@@ -85,11 +85,6 @@ impl PolyMesh {
         &self.object
     }
 
-    /// True for a subdivision surface.
-    pub fn is_subdivision_surface(&self) -> bool {
-        self.object.schema() == Schema::SubD
-    }
-
     /// Number of samples.
     pub fn sample_count(&self) -> usize {
         self.positions.len().max(self.face_indices.len()).max(self.face_counts.len())

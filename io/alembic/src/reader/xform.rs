@@ -109,11 +109,6 @@ impl Xform {
         self.values.iter().chain(&self.inherits).map(Samples::len).max().unwrap_or(0)
     }
 
-    /// Number of operations in the list.
-    pub fn op_count(&self) -> usize {
-        self.ops.len()
-    }
-
     /// True when the local matrix never changes.
     pub fn is_constant(&self) -> bool {
         self.values.as_ref().is_none_or(Samples::is_constant)

@@ -158,11 +158,6 @@ impl ArchiveWriter {
         &self.objects[object.0].path
     }
 
-    /// The object with this full path.
-    pub fn find_object(&self, path: &str) -> Option<ObjectId> {
-        self.objects.iter().position(|object| object.path == path).map(ObjectId)
-    }
-
     /// The scalar or array property `name` of `compound`.
     pub fn find_property(&self, compound: CompoundId, name: &str) -> Option<PropertyId> {
         match self.member(compound, name) {

@@ -138,18 +138,6 @@ impl GeomParamWriter {
         self.write_indices(archive, indices)
     }
 
-    /// Next sample of text values, and `indices` exactly when the parameter is indexed.
-    pub fn write_strings<S: AsRef<str>>(
-        &self,
-        archive: &mut ArchiveWriter,
-        values: &[S],
-        indices: Option<&[u32]>,
-    ) -> Result<(), AlembicError> {
-        self.check_indices(archive, indices)?;
-        archive.write_string_sample(self.values, values)?;
-        self.write_indices(archive, indices)
-    }
-
     /// Next sample from stored bytes, such as those of [`crate::GeomParam::values`].
     pub fn write_raw(
         &self,

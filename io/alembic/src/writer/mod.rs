@@ -3,7 +3,6 @@
 mod append;
 mod archive;
 mod commit;
-mod copy;
 mod face_set;
 mod geom_param;
 mod mark;

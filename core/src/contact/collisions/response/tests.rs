@@ -43,8 +43,8 @@ impl Story {
             (15, contradiction([1, 2, 3, HELD])),
             (16, vec![collision([0, 2, 1, PARTS], 1.0, 3.0)]),
             (IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + 1, vec![collision([10, 11, 12, HELD], 1.0, 3.0)]),
-            (GIVE_UP_FROM + 1, vec![collision([10, 11, 12, PARTS], 1.0, 3.0)]),
-            (GIVE_UP_FROM + 2, vec![collision([10, 12, 11, PARTS], 1.0, 3.0)]),
+            (DROP_FROM + 1, vec![collision([10, 11, 12, PARTS], 1.0, 3.0)]),
+            (DROP_FROM + 2, vec![collision([10, 12, 11, PARTS], 1.0, 3.0)]),
             (FREEZE_AFTER + 1, vec![collision([16, 17, 18, 19], -1.0, 3.0)]),
         ];
         let mobility =

@@ -1,5 +1,5 @@
 use super::*;
-use crate::contact::repulsion::ghost_constraints::tell_ghosts;
+use crate::contact::repulsion::ghost_constraints::send_to_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::random::SplitMix64;
 use crate::parallel::ranks::Ranks;
@@ -84,7 +84,7 @@ impl Heap {
         let own_supports =
             |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.constraints[*n] } else { [None; 2] };
         let mut constraints: Vec<BodyConstraints> = numbers.iter().enumerate().map(own_supports).collect();
-        tell_ghosts(&nodes, &mut constraints, &mut v.clone());
+        send_to_ghosts(&nodes, &mut constraints, &mut v.clone());
         let mut metrics = Metrics::default();
         for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
             let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
