@@ -188,7 +188,7 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 /// Raised with every change of the program that changes results, by however little. A run that another version began is
 /// not continued unasked: its frames would not be those of one program.
 #[doc(hidden)]
-pub const SOLVER_VERSION: u32 = 12;
+pub const SOLVER_VERSION: u32 = 13;
 
 /// Version of the results of scenes with this integrator; [`Auto`](scene::Integrator::Auto) stands for a simulation that may change from one
 /// to another.

@@ -68,7 +68,7 @@ pub(crate) const DEEP_PART: f64 = 0.025;
 pub(crate) const CONIC_TRIANGLE: f64 = 0.01;
 
 /// Height of a triangle over an edge, relative to the edge, below which the angle there is held more softly: by the square of the height
-/// relative to this one. Triangles of a usual mesh are ten times as high. Guarded by
+/// relative to this one; likewise the edge, relative to the height. Triangles of a usual mesh are ten times as high. Guarded by
 /// `cloth_with_loops_that_nearly_coincide_falls_as_it_is`.
 #[cfg(feature = "effects")]
 pub(crate) const LOW_TRIANGLE: f64 = 0.05;

@@ -30,6 +30,7 @@ use crate::effects::registry::find;
 use crate::effects::spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Report, Scope, Study};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
+use crate::tolerances::LOW_TRIANGLE;
 use elements::{Element, Rigidity};
 use part_hinges::Laws;
 
@@ -114,7 +115,19 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let first = parts.garment(garment).start;
     // Each hinge counts at the rank that owns its first vertex.
     let is_own = |e: &&Element| e.vertices.iter().min().is_some_and(|v| parts.own().contains(&(first + *v as usize)));
-    Ok(Effect { forces, bytes, elements: elements.iter().filter(is_own).count(), ..Effect::default() })
+    let own = elements.iter().filter(is_own).count();
+    let softened = elements.iter().filter(is_own).filter(|element| element.softening < 1.0).count();
+    let [softened] = parts.ranks().sum_of([softened as u64]);
+    let notes = (softened > 0).then(|| note(softened)).into_iter().collect();
+    Ok(Effect { forces, bytes, elements: own, notes, ..Effect::default() })
+}
+
+fn note(softened: u64) -> String {
+    format!(
+        "{softened} angles at triangles whose height and base differ by more than a factor of {} are softened, so that slivers do not tear: \
+         merge vertices that nearly coincide for the full stiffness",
+        1.0 / LOW_TRIANGLE
+    )
 }
 
 /// Damping of each angle as a fraction of critical; where it is painted, the mean of its four vertices.

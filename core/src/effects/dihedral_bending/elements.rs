@@ -39,6 +39,8 @@ pub(super) struct Element {
     pub(super) vertices: [u32; 4],
     /// Angle at which it does not act [rad].
     pub(super) rest_angle: f64,
+    /// Factor on the moments that its angle gives and feels: below one where a triangle is low over the edge.
+    pub(super) softening: f64,
     /// The elements whose angles its moment depends on, itself first, and by how much [N·m per rad].
     pub(super) row: Vec<(u32, f64)>,
 }
@@ -95,8 +97,9 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
     let element = |hinge: &Hinge| {
         let ([j, k], [i, l]) = (mesh.edges()[hinge.edge as usize].vertices, hinge.opposite);
         let vertices = [i, j, k, l];
-        let rest_angle = if flat { 0.0 } else { Shape::at(vertices.map(at)).angle() };
-        Element { vertices, rest_angle, row: Vec::new() }
+        let shape = Shape::at(vertices.map(at));
+        let rest_angle = if flat { 0.0 } else { shape.angle() };
+        Element { vertices, rest_angle, softening: softening(&shape), row: Vec::new() }
     };
     let hinges = mesh.hinges();
     let mut elements: Vec<Element> = hinges.iter().map(element).collect();
@@ -110,7 +113,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
             }
         }
     }
-    let factors: Vec<f64> = elements.iter().map(|element| softening(&Shape::at(element.vertices.map(at)))).collect();
+    let factors: Vec<f64> = elements.iter().map(|element| element.softening).collect();
     for (number, element) in elements.iter_mut().enumerate() {
         element.row.iter_mut().for_each(|(other, moment)| *moment *= factors[number] * factors[*other as usize]);
         // A hinge that no triangle uses stands for itself with nothing.
@@ -121,13 +124,16 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
     elements
 }
 
-/// Factor on the moments that the angle of a shape at rest gives and feels: below one where a triangle is flat over the edge.
+/// Factor on the moments that the angle of a shape at rest gives and feels: below one where a triangle is low over the edge, or the edge
+/// short below a triangle.
 ///
-/// The force on the corner over an edge is the moment over the height there, and its stiffness the same once more. Without this factor the
-/// residual of a solve turns a sliver by angles at which its forces tear the cloth.
+/// Forces grow with the inverse of the heights, and, where triangles lean, of the edge's length. Without this factor the residual of a solve
+/// turns a sliver by angles at which its forces tear the cloth.
 fn softening(rest: &Shape) -> f64 {
-    let limit = LOW_TRIANGLE * rest.length;
-    rest.heights().iter().map(|height| if *height < limit { (height / limit).powi(2) } else { 1.0 }).product()
+    let heights = rest.heights();
+    let of =
+        |size: f64, other: f64| if size < LOW_TRIANGLE * other { (size / (LOW_TRIANGLE * other)).powi(2) } else { 1.0 };
+    heights.iter().map(|height| of(*height, rest.length) * of(rest.length, *height)).product()
 }
 
 fn add(row: &mut Vec<(u32, f64)>, other: u32, moment: f64) {

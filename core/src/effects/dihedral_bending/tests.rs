@@ -133,6 +133,27 @@ fn a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for() {
 }
 
 #[test]
+fn angles_are_softened_at_slivers_alone() {
+    let softened = |mesh: &TriangleMesh| {
+        let elements = of_mesh(mesh, |_| Some(Rigidity::isotropic(RIGIDITY)), false);
+        elements.iter().map(|element| element.softening).filter(|factor| *factor < 1.0).collect::<Vec<_>>()
+    };
+    assert_eq!(softened(&TriangleMesh::new(&uneven(14, 1))), Vec::<f64>::new());
+    // A strip between two wide ones, a hundredth as high as its edges are long.
+    let rows = [0.0, 1.0, 1.01, 2.01];
+    let points = rows.iter().flat_map(|z| (0..3).map(move |i| Vec3::new(f64::from(i), 0.0, *z))).collect();
+    let cell = |a: u32| [[a, a + 3, a + 1], [a + 1, a + 3, a + 4]];
+    let triangles: Vec<[u32; 3]> = (0..3).flat_map(|row| (0..2).flat_map(move |i| cell(3 * row + i))).collect();
+    let found = softened(&TriangleMesh::new(&PolygonMesh::from_triangles(points, &triangles)));
+    // Four edges along the strip have one low triangle, two diagonals have two; the edge between the diagonals is short below both.
+    let mut expected = [0.04, 0.04, 0.04, 0.04, 0.0016, 0.0016, 0.0016];
+    expected.sort_by(f64::total_cmp);
+    let mut found = found;
+    found.sort_by(f64::total_cmp);
+    assert!(found.len() == 7 && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+}
+
+#[test]
 fn forces_are_the_slope_of_the_energy_and_keep_momentum() {
     let scene = scene(uneven(7, 1), false);
     let (mut forces, x) = (forces(&scene), crumpled(&scene, 5));
