@@ -61,7 +61,7 @@ fn the_largest_value_reaches_everybody(comm: &dyn Communicator) {
     for zero_on in [0, comm.ranks() - 1] {
         let mut zero = [if comm.rank() == zero_on { 0.0 } else { -0.0 }];
         comm.max(&mut zero);
-        assert_eq!(zero[0].to_bits(), 0.0_f64.to_bits(), "whoever has the positive zero, it is the larger");
+        assert_eq!(zero[0].to_bits(), 0.0_f64.to_bits(), "the positive zero is the larger, on any rank");
     }
     let mut infinite = [if comm.rank() == comm.ranks() / 2 { f64::INFINITY } else { f64::MAX }];
     comm.max(&mut infinite);

@@ -68,7 +68,7 @@ impl Modules {
         self.code.keys().filter(is_inside).filter_map(|other| other.last().cloned()).collect()
     }
 
-    /// The module that has what a path leads to, also where others hand it on, at most so many.
+    /// The module that has what a path leads to, also where others hand it on, at most `most` times.
     fn source(
         &self,
         module: &Module,

@@ -115,7 +115,7 @@ fn the_allocations_of_a_frame_do_not_depend_on_its_number_of_steps() {
     }
 }
 
-/// Allocations of a check of so many small garments with all that a check looks at.
+/// Allocations of a check of small garments with everything that a check looks at.
 fn of_check(garments: usize) -> u64 {
     let mut text =
         String::from("drapery = 1\n[shot]\nframes = \"1-2\"\n[gravity]\n[self_repulsion]\n[self_collision]\n");

@@ -103,7 +103,7 @@ impl RandomArchive {
         properties
     }
 
-    /// Writes the samples of one round to all properties that have so many.
+    /// Writes the samples of one round to all properties that have as many.
     fn write_round(&self, archive: &mut ArchiveWriter, properties: &[PropertyId], round: usize) {
         for (property, &id) in self.properties.iter().zip(properties) {
             if let Some(&value) = property.samples.get(round) {

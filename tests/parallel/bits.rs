@@ -162,7 +162,7 @@ fn a_hanging_sheet_with_springs_and_late_pins() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
-/// Returns the positions of the vertices of the first garment after three frames [m], from rank 0 of so many.
+/// Returns the positions of the vertices of the first garment after three frames [m], from rank 0.
 fn places(description: &SceneDescription, [ranks, threads]: [usize; 2]) -> Vec<Vec3> {
     let work = |communicator| {
         let ranks = Ranks::new(communicator);

@@ -69,7 +69,7 @@ fn triangles(scene: &Scene, garment: usize) -> Vec<[u32; 4]> {
     mesh.triangles().iter().zip(mesh.polygons()).map(row).collect()
 }
 
-/// The triangles with an own vertex, and those that share an edge with one of them, so many times.
+/// The triangles with an own vertex, and those that share an edge with one of them, `rings` times.
 fn expected(all: &[[u32; 4]], own: &dyn Fn(u32) -> bool, rings: usize) -> Vec<[u32; 4]> {
     let edges = |[_, a, b, c]: &[u32; 4]| [(a, b), (b, c), (c, a)].map(|(p, q)| [*p.min(q), *p.max(q)]);
     let mut near: BTreeSet<[u32; 4]> = all.iter().filter(|t| t[1..].iter().any(|v| own(*v))).copied().collect();

@@ -77,7 +77,7 @@ fn mesh((_, points, faces): &Piece, shift: Vec3) -> PolygonMesh {
     }
 }
 
-/// So many pieces of all kinds side by side in one mesh.
+/// Pieces of all kinds side by side in one mesh.
 fn heap(count: usize) -> PolygonMesh {
     let mut all = PolygonMesh::default();
     for number in 0..count {

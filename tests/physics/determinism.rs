@@ -6,7 +6,7 @@ use drapery_core::scene::{BodyDescription, BodyShape, EffectRequest, GarmentDesc
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 
-/// Bits of all positions and velocities after some frames, with so many threads.
+/// Bits of all positions and velocities after some frames, with this number of threads.
 fn bits_with(threads: usize, simulate: &(impl Fn() -> Simulation + Sync)) -> Vec<[u64; 3]> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
     let simulation = pool.install(simulate);

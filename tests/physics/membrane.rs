@@ -184,7 +184,7 @@ fn an_undamped_membrane_of_any_stiffness_is_stable_at_the_step_that_is_chosen_fo
         let request = EffectRequest::of_garment("membrane", 0).with("warp", stiffness).with("damping_ratio", 0.0);
         description.effects.push(request);
         let probe = start(description.clone()).elastic_step();
-        // So many steps at every stiffness.
+        // The same number of steps at every stiffness.
         description.timeline.fps_numerator = (1.0 / (500.0 * probe)) as u32 + 1;
         let mut simulation = start(description);
         let mut largest = 0.0_f64;

@@ -48,7 +48,7 @@ fn calm_cloth_is_never_tried_again() {
     assert!(summary.recoveries.is_empty());
 }
 
-/// The state after two frames on so many ranks.
+/// The state after two frames on this number of ranks.
 fn on_ranks(ranks: usize) -> Snapshot {
     let work = |communicator: Arc<dyn Communicator>| {
         let ranks = Ranks::new(communicator);

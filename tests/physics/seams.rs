@@ -254,7 +254,7 @@ fn a_stitch_breaks_at_its_force_and_the_weight_falls_freely() {
 }
 
 /// Momentum and angular momentum, over the sum of the sizes of the momenta of all vertices, of two sheets that stitches on faces draw
-/// together in so many steps a frame.
+/// together in this number of steps a frame.
 fn momenta_of_face_stitches(integrator: Integrator, steps: usize) -> [f64; 2] {
     let mut description = two_sheets(0.06, Some(0.0));
     set_steps_of_a_frame(&mut description, integrator, steps);

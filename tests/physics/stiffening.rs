@@ -17,7 +17,7 @@ const LINEARITY: f64 = 0.5;
 /// Rows of cells of 2 cm.
 const ROWS: usize = 30;
 
-/// A strip with so many columns of cells that hangs from its upper side, with or without a curve.
+/// A strip with this number of columns of cells that hangs from its upper side, with or without a curve.
 fn hanging(columns: u32, curve: bool) -> SceneDescription {
     let mut mesh = sheet(columns as usize, ROWS, 0.02);
     mesh.points.iter_mut().for_each(|p| *p = Vec3::new(p.x, -p.z, 0.0));

@@ -154,12 +154,7 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     /// Arrays for the local vertices; `stages` where the integrator is implicit.
-    pub(crate) fn new(
-        scene: &Scene,
-        forces: &PartForces,
-        needs: VelocityNeeds,
-        stages: Option<StageArrays>,
-    ) -> Self {
+    pub(crate) fn new(scene: &Scene, forces: &PartForces, needs: VelocityNeeds, stages: Option<StageArrays>) -> Self {
         let vertices = vec![Vec3::zeros(); scene.parts().local_count()];
         let solves = stages.is_none().then(|| Box::new(SolveArrays::new(scene, forces, needs.seen)));
         Self {

@@ -44,7 +44,7 @@ impl Caller {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// The same for whoever keeps it.
+    /// The same for a caller that keeps it.
     pub(crate) fn cancelled(&self) -> Arc<AtomicBool> {
         self.cancelled.clone()
     }

@@ -231,7 +231,7 @@ fn flat_turning(r: &mut Random, edges: bool) -> [Points; 2] {
     turned(r, start, [0, 0, 1], 2)
 }
 
-/// Turns points that touch about an axis and moves the first of them a little, in so many dimensions.
+/// Turns points that touch about an axis and moves the first of them a little, in a number of dimensions.
 fn turned(r: &mut Random, mut start: Points, axis: Point, dimensions: usize) -> [Points; 2] {
     let near = r.size(6);
     let [offset, drift] = [r.point(near), r.point(near)];

@@ -110,7 +110,8 @@ impl Response {
         if attempt <= IMPULSE_ATTEMPTS {
             for collision in own {
                 let places = collision.pair.nodes.map(|number| kinematics.local(number));
-                let nodes = CollidingNodes { start: kinematics.start, mobility: kinematics.mobility, gap: kinematics.gap };
+                let nodes =
+                    CollidingNodes { start: kinematics.start, mobility: kinematics.mobility, gap: kinematics.gap };
                 if impulse(&collision, places, &nodes, displacements) {
                     touched.extend(collision.moving().map(|number| kinematics.local(number)));
                 }
