@@ -109,7 +109,8 @@ impl fmt::Display for ShortStep {
 /// # let mut description = SceneDescription::new("fall");
 /// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
 /// # description.effects.push(EffectRequest::of_scene("gravity"));
-/// use drapery_core::{ChangeError, FrameInput, Scene, SettingValue, Simulation};
+/// use drapery_core::error::ChangeError;
+/// use drapery_core::{FrameInput, Scene, SettingValue, Simulation};
 /// let scene = Scene::validate(description).expect("a valid scene");
 /// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
 /// let changed = simulation.set(&[("wind.density".to_owned(), SettingValue::Number(1.2))]);

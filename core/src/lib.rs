@@ -60,8 +60,7 @@
 //!
 //! ## Errors
 //!
-//! [`Problems`] are all that is wrong with a scene, a [`Problem`] each. [`StepError`] ends an advance,
-//! [`ChangeError`] refuses a change of numbers.
+//! [`Problems`] are all that is wrong with a scene, a [`Problem`] each. [`StepError`] ends an advance.
 
 // Describe a scene.
 #[doc(inline)]
@@ -104,7 +103,7 @@ pub use crate::parallel::{communicator::Communicator, local_ranks::LocalRanks, r
 
 // Errors.
 #[doc(inline)]
-pub use crate::error::{ChangeError, Problem, Problems, StepError};
+pub use crate::error::{Problem, Problems, StepError};
 
 // The facade above is the public interface. Rooms are for Drapery's own crates and change without notice. They stand in the order
 // in which to read them; docs/dev/architecture.md says which may import which.
