@@ -59,11 +59,6 @@ pub(crate) struct UnrepelledMotion {
 }
 
 impl UnrepelledMotion {
-    /// Memory held [bytes].
-    pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.accelerations.as_slice()) + size_of_val(self.mobility.as_slice())
-    }
-
     /// Sets the accelerations of this rank's own nodes [m/s²], none where a body holds one, and brings them to the ghosts. `mobility` are
     /// inverse masses of all nodes of cloth [1/kg]. All ranks call it together.
     pub(crate) fn set(&mut self, nodes: &ContactNodes, mobility: &[f64], of_own: impl Iterator<Item = Option<Vec3>>) {

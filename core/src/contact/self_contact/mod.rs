@@ -190,7 +190,7 @@ impl SelfContact {
     pub(crate) fn bytes(&self) -> usize {
         let vectors = 2 * self.surface.node_count() + 2 * self.cloth[0].len() + self.displacements.len();
         let nodes = self.surface.node_count() * size_of::<f64>() + size_of_val(self.constraints.as_slice());
-        let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes) + self.unrepelled.bytes();
+        let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         let search = self.search.bytes() + self.proximity.bytes();
         self.surface.bytes() + search + repulsions + nodes + vectors * size_of::<Vec3>()
     }
