@@ -99,10 +99,10 @@ fn started(invocation: &Invocation) -> u8 {
         }
     };
     // From here on a rank that is lost ends this one.
-    let (heart, refused) = ranks::Heart::start(&ranks);
+    let (heartbeat, refused) = ranks::Heartbeat::start(&ranks);
     if !ranks.is_first() {
         let code = ranks::follow(&cli.command, &ranks);
-        heart.bye(code);
+        heartbeat.bye(code);
         // Waits for the others, whose heartbeats go on until then.
         drop(ranks);
         return code;
@@ -115,7 +115,7 @@ fn started(invocation: &Invocation) -> u8 {
         failure.code.into()
     }));
     remote_simulation::shut_down(&ranks, ended.code);
-    heart.bye(ended.code);
+    heartbeat.bye(ended.code);
     // Waits for the others.
     drop(ranks);
     if ended.by_term {

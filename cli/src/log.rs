@@ -52,7 +52,7 @@ enum Place {
     File(LogFile),
 }
 
-/// A log. That it cannot be written is said at the end of the command: whoever writes to a log does not look at errors.
+/// A log. A failure to write it is reported at the end of the command: the code that writes to a log ignores errors.
 #[derive(Debug)]
 struct LogFile {
     /// Name in messages.

@@ -42,10 +42,10 @@ static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 static CODE: OnceLock<u8> = OnceLock::new();
 
 /// The heartbeats of this rank, if it has others.
-pub(crate) struct Heart(Option<Heartbeats>);
+pub(crate) struct Heartbeat(Option<Heartbeats>);
 
-impl Heart {
-    /// Begins to beat; all ranks call it together. What is wrong with the variable is said by rank 0, and nobody beats then.
+impl Heartbeat {
+    /// Starts heartbeats; all ranks call it together. Rank 0 returns the error of the variable, and no rank sends any then.
     pub(crate) fn start(ranks: &Ranks) -> (Self, Result<(), Failure>) {
         if ranks.is_alone() {
             return (Self(None), Ok(()));
@@ -56,7 +56,7 @@ impl Heart {
             Err(failure) => (None, Err(failure)),
         };
         let is_first = ranks.is_first();
-        let tell = move |news| match news {
+        let report = move |news| match news {
             News::Connected if is_first => {
                 tracing::info!("heartbeats with all ranks: a lost one is noticed from now on")
             }
@@ -68,7 +68,7 @@ impl Heart {
             News::Connected | News::Unreachable(_) => {}
             News::Lost(lost) => end(is_first, &lost),
         };
-        match Heartbeats::start(ranks, of_all, &Owner::this_process().to_string(), tell) {
+        match Heartbeats::start(ranks, of_all, &Owner::this_process().to_string(), report) {
             Ok(beats) => (Self(beats), refused),
             // As where no connection comes about.
             Err(error) => {

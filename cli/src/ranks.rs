@@ -13,7 +13,7 @@ use crate::failure::{Failure, MORE_THREADS};
 use crate::signals::{self, Unasked};
 
 #[cfg(feature = "mpi")]
-pub(crate) use crate::lost_rank::{Heart, writes_into};
+pub(crate) use crate::lost_rank::{Heartbeat, writes_into};
 
 /// Variables by which launchers say which of their processes this one is: those of Open MPI, of PMIx, and of MPICH, Intel MPI
 /// and Slurm.
@@ -61,12 +61,12 @@ pub(crate) fn join(command: Option<&Command>) -> Result<Ranks, Failure> {
     }
 }
 
-/// Without others there is nobody to beat for.
+/// Heartbeat of a program without MPI, which sends none.
 #[cfg(not(feature = "mpi"))]
-pub(crate) struct Heart;
+pub(crate) struct Heartbeat;
 
 #[cfg(not(feature = "mpi"))]
-impl Heart {
+impl Heartbeat {
     pub(crate) fn start(_ranks: &Ranks) -> (Self, Result<(), Failure>) {
         (Self, Ok(()))
     }
@@ -93,8 +93,8 @@ pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {
     })
 }
 
-/// Starts the threads of all ranks: so many each, or else the processors that each has for itself. Returns the number on this
-/// one, and on all.
+/// Starts the threads of all ranks: the number asked for on each, or else the processors that each has for itself. Returns the
+/// number on this one, and on all.
 pub(crate) fn start_threads(
     ranks: &Ranks,
     asked: Option<Resolved<usize>>,

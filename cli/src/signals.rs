@@ -74,7 +74,7 @@ pub(crate) fn outlive_limits_of_files() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether whoever has started the program wants it to ignore a signal, as `nohup` does; taken for granted where the system does
+/// Whether the parent process wants the program to ignore a signal, as `nohup` does; taken for granted where the system does
 /// not tell.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn signals_become_requests_and_the_process_lives_on() {
         let unasked = Unasked { code: 75, by_term: false, command: "drapery run".to_owned() };
-        // Whoever has started the tests may have asked for some to be ignored.
+        // The parent process of the tests may have asked for some to be ignored.
         for (number, signal) in HEARD.into_iter().filter(|(number, _)| *number != SIGHUP || !is_ignored(SIGHUP)) {
             let requests = StopRequests::default();
             // A run that has begun to step.

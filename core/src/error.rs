@@ -101,6 +101,31 @@ impl fmt::Display for ShortStep {
     }
 }
 
+/// Error of a change of numbers between frames.
+///
+/// ```
+/// # use drapery_core::{EffectRequest, GarmentDescription, PolygonMesh, SceneDescription, Vec3};
+/// # let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+/// # let mut description = SceneDescription::new("fall");
+/// # description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+/// # description.effects.push(EffectRequest::of_scene("gravity"));
+/// use drapery_core::error::ChangeError;
+/// use drapery_core::{FrameInput, Scene, SettingValue, Simulation};
+/// let scene = Scene::validate(description).expect("a valid scene");
+/// let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a valid start");
+/// let changed = simulation.set(&[("wind.density".to_owned(), SettingValue::Number(1.2))]);
+/// assert!(matches!(changed, Err(ChangeError::Refused(_))), "the scene has no wind");
+/// ```
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ChangeError {
+    /// The change is refused; the simulation is as it was.
+    #[error("{0}")]
+    Refused(Problem),
+    /// The solver could not be built again: the simulation may not be used any more.
+    #[error("{0}")]
+    Broken(Problem),
+}
+
 /// Error of a step: where and when it happened, and what to do.
 ///
 /// ```
@@ -178,6 +203,16 @@ pub enum StepError {
         /// Frame asked for.
         frame: i64,
         /// Fault of the input.
+        what: String,
+    },
+    /// A change between frames could neither be made nor undone: the simulation may not be used any more.
+    #[error(
+        "frame {frame}: the solver could not be built again: {what}\n  help: resume from the last checkpoint, and report this"
+    )]
+    Broken {
+        /// Frame asked for.
+        frame: i64,
+        /// Failure of the change.
         what: String,
     },
 }

@@ -3,8 +3,9 @@
 
 // Rounds of a stage.
 
-/// Solves of a stage, each with the contact modes that fit the reactions of the solve before. A mode that is wrong after the last one of
-/// B.1 is corrected in B.5, which goes on until modes are settled, or in the next step. Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
+/// Solves after which a stage ends, unless a pair is unsettled, a solve has not come to its tolerance or, in B.5, a mode is unsettled; each
+/// has the contact modes that fit the reactions of the solve before. A mode that is wrong after the last one of B.1 is corrected in B.5.
+/// Guarded by `a_strap_holds_on_the_samples_cylinder_in_long_steps`.
 pub(crate) const MOST_ROUNDS: usize = 4;
 
 /// Most solves of a stage in which the last one has left a pair unsettled or has not come to its tolerance, or, where positions are given,

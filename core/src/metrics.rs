@@ -1,4 +1,4 @@
-//! Seconds and counts of a run: the only place with a clock. A value passed by reference, never a global.
+//! Seconds and counts of a run. A value passed by reference, never a global.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use crate::parallel::ranks::Ranks;
 /// Seconds and calls of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
-    /// Label, for example `B.1/forces`.
+    /// Label, for example `B.1 velocity`.
     pub name: Cow<'static, str>,
     /// Seconds spent in it.
     pub seconds: f64,

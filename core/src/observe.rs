@@ -147,7 +147,7 @@ impl Observer {
         self.steps += 1;
     }
 
-    /// Gives the quantities after a line to whoever asked for them; `step` is its number, counted from the present one. All
+    /// Gives the sink the quantities after a line; `step` is the number of the step, counted from the present one. All
     /// ranks call it together.
     pub(crate) fn after(&mut self, at: Place, scene: &Scene, quantities: &[Quantity<'_>]) {
         let Place { line, time, dt } = at;

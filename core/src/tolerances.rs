@@ -107,7 +107,7 @@ pub(crate) const STRETCHED_AT_START: f64 = 2.0;
 pub const OVERSTRETCHED: f64 = 1.0;
 
 /// Distance from the nearest place of a body, in mean edges at the vertex and in thicknesses of garment and body together, above
-/// both of which a pinned vertex is far from it: neighbours of a vertex so many edges away find places apart from each other, and
+/// both of which a pinned vertex is far from it: neighbours of a vertex at this distance find places apart from each other, and
 /// clothes are modelled a few thicknesses off the skin. Guarded by `vertices_bound_far_from_a_body_are_named_by_any_ranks`.
 pub const FAR_BOUND_EDGES: f64 = 3.0;
 /// See [`FAR_BOUND_EDGES`].

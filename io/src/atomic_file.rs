@@ -16,7 +16,7 @@ pub fn unfinished(path: &Path) -> PathBuf {
 }
 
 /// Makes sure that a file may be put under this name: what is there is a file, or nothing. A pipe or a device that a file replaces is
-/// gone, and whoever reads it waits for ever.
+/// gone, and its reader waits for ever.
 ///
 /// # Errors
 /// There is a folder, a pipe, a socket or a device, directly or by links.

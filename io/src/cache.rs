@@ -69,7 +69,7 @@ impl CachePlan<'_> {
         usize::try_from(self.last_frame - self.first_frame + 1).unwrap_or(0)
     }
 
-    /// Number of samples from the first frame up to one that lies so many samples behind a frame.
+    /// Number of samples from the first frame up to one that lies `sub_frame` samples behind a frame.
     pub fn samples_until(&self, frame: i64, sub_frame: usize) -> usize {
         let before = usize::try_from(frame - self.first_frame).unwrap_or(0);
         before * (self.sub_frames.len() + 1) + sub_frame + 1

@@ -112,7 +112,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [pipe, socket] = ["pipe", "socket"].map(|name| folder.path().join(name));
         rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        // While somebody could write into it, whoever opens it does not have to wait.
+        // While a process could write into it, opening it does not wait.
         let _writer = File::options().read(true).write(true).open(&pipe).unwrap();
         let _listening = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         let cases = [

@@ -77,7 +77,7 @@ fn places(path: &Path) -> Vec<(f64, [f64; 3])> {
 }
 
 #[test]
-fn frames_are_those_of_the_times_whoever_tells_the_rate() {
+fn frames_are_those_of_the_times_from_any_source_of_the_rate() {
     let cases =
         [(BLENDER, None), (None, Some((24, 1))), (Some(("_ai_DCC_FPS", "24")), None), (BLENDER, Some((24_000, 1000)))];
     for (rate, fps) in cases {

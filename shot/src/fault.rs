@@ -110,8 +110,9 @@ impl FaultKind {
             ShotError::Changed { .. } | ShotError::OtherState { .. } => Self::CannotCreate,
             ShotError::FingerprintLost { .. } => Self::CannotCreate,
             ShotError::FrameChanged { .. } | ShotError::Step(StepError::Input { .. }) => Self::BadInput,
+            ShotError::Step(StepError::Broken { .. }) => Self::Internal,
             ShotError::Step(_) => Self::SolverGaveUp,
-            // Whoever corrects the scene first may find that the data was right.
+            // With the scene corrected, the data may turn out to be right.
             ShotError::Problems(problems) if problems.0.iter().any(|p| p.kind == ProblemKind::Scene) => Self::Scene,
             ShotError::Problems(_) => Self::BadInput,
         }

@@ -70,7 +70,7 @@ impl Watch {
         Self { allowed: states.saturating_add(most as u64), last_report: Instant::now() }
     }
 
-    /// Whether there is something to say or to decide after so many states.
+    /// Whether there is something to say or to decide after this number of states.
     pub(super) fn is_due(&self, states: u64) -> bool {
         states >= self.allowed || self.last_report.elapsed() > SILENCE
     }

@@ -5,7 +5,7 @@ use std::time::SystemTime;
 
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
-use drapery_core::error::{Problem, Problems, StepError};
+use drapery_core::error::{ChangeError, Problems, StepError};
 use drapery_core::observe::{ChecksumSink, Observer, Sink, Tracepoint};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::gather::VertexField;
@@ -22,7 +22,7 @@ use crate::farm::stop::{Request, StopRequests};
 /// Next action of all ranks.
 #[derive(Debug, Clone)]
 enum Command {
-    /// Start threads: so many, or as each rank finds right.
+    /// Start threads: `count` on each rank, or as each rank finds right.
     Threads { count: Option<usize> },
     /// Take a share of the scene.
     Scene,
@@ -32,7 +32,7 @@ enum Command {
     Start,
     /// Build it at a checkpoint, from that input.
     Restore,
-    /// Look at the cloth after these lines; so many steps were made since the last frame.
+    /// Look at the cloth after these lines; `steps` were made since the last frame.
     Observe { tracepoints: Vec<String>, steps: u64 },
     /// Take checksums of the cloth after every line.
     Checksums,
@@ -139,7 +139,7 @@ impl RemoteSimulation {
         share(&self.ranks, self.simulation.scene(), input)
     }
 
-    /// Gives `sink` the cloth after these lines from now on; so many steps were made since the last frame.
+    /// Gives `sink` the cloth after these lines from now on; `steps` were made since the last frame.
     pub(super) fn observe(&mut self, tracepoints: &[Tracepoint], steps: u64, sink: Sink) {
         let as_text = tracepoints.iter().map(Tracepoint::to_string).collect();
         announce(&self.ranks, Command::Observe { tracepoints: as_text, steps });
@@ -218,7 +218,7 @@ impl RemoteSimulation {
     }
 
     /// Gives numbers of the scene other values from the next step on.
-    pub(super) fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), Problem> {
+    pub(super) fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), ChangeError> {
         announce(&self.ranks, Command::Set { numbers: numbers.to_vec() });
         self.simulation.set(numbers)
     }
@@ -230,7 +230,7 @@ impl RemoteSimulation {
     }
 }
 
-/// Starts the threads of all ranks, so many each or as each finds right: with `start`, which all call together and which
+/// Starts the threads of all ranks, `count` each or as each finds right: with `start`, which all call together and which
 /// returns their number. To be called by rank 0, once; returns the number of threads of every rank.
 ///
 /// # Errors

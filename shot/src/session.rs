@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use drapery_core::Vec3;
-use drapery_core::error::{Problem, Problems};
+use drapery_core::error::{ChangeError, Problem, Problems, StepError};
 use drapery_core::scene::gather::VertexField;
 use drapery_core::scene::{BodyShape, Scene, is_possible};
 use drapery_core::settings::SettingValue;
@@ -170,8 +170,18 @@ impl Session {
         }
         let mut shot = self.shot.take().ok_or_else(gone)?;
         let set = shot.remote_simulation.set(&[(path.to_owned(), value)]);
-        self.shot = Some(shot);
-        set.map_err(refuse)
+        match set {
+            // Nothing of it may be used: the shot is dropped.
+            Err(ChangeError::Broken(problem)) => Err(refuse(problem)),
+            Err(ChangeError::Refused(problem)) => {
+                self.shot = Some(shot);
+                Err(refuse(problem))
+            }
+            Ok(()) => {
+                self.shot = Some(shot);
+                Ok(())
+            }
+        }
     }
 
     /// Goes on to the next frame, or to where `cancelled` says so: it is asked at every state free of collisions, from any
@@ -193,7 +203,12 @@ impl Session {
         let mut ask = || cancelled().then_some(Request::StopAtOnce(Reason::Program));
         loop {
             let so_far = (&mut self.sub_step, &mut self.so_far);
-            match towards_frame(&mut shot.remote_simulation, &input, so_far, &watch, &mut ask)? {
+            let reached = towards_frame(&mut shot.remote_simulation, &input, so_far, &watch, &mut ask);
+            if let Err(error @ StepError::Broken { .. }) = reached {
+                self.shot = None;
+                return Err(error.into());
+            }
+            match reached? {
                 Reached::Frame(summary) => {
                     (self.sub_step, self.so_far) = (0, None);
                     for moved in &mut self.moved {
@@ -236,7 +251,7 @@ impl Session {
         Ok(kept.get_or_insert_with(|| shot.remote_simulation.field(garment, field)))
     }
 
-    /// As [`Session::field`], for whoever keeps it.
+    /// As [`Session::field`], for a caller that keeps it.
     ///
     /// # Errors
     /// As there.
@@ -303,6 +318,6 @@ fn unknown(what: &str, number: usize, (count, all): (usize, &str)) -> ShotError 
 
 /// There is no simulation any more.
 fn gone() -> ShotError {
-    let text = "this simulation ended when a state could not be restored\n  help: prepare the scene again";
+    let text = "this simulation ended when a state or a change could not be built\n  help: prepare the scene again";
     ShotError::Resume(text.to_owned())
 }

@@ -26,14 +26,14 @@ pub struct SteppedFrame {
 pub struct SteppedShot {
     remote_simulation: RemoteSimulation,
     inputs: Inputs,
-    /// Deforming bodies are looked at every so many frames only; 1 takes every sample there is.
+    /// Interval of the samples of deforming bodies [frames]; 1 takes every sample there is.
     body_frames: u32,
     last_frame: i64,
 }
 
 impl SteppedShot {
     /// Builds the simulation of a scene without looking at all frames of its inputs first. `body_frames` above 1 shows the
-    /// solver deforming bodies at every so many frames only, on straight lines between them. To be called by rank 0, which the
+    /// solver deforming bodies at every `body_frames` frames only, on straight lines between them. To be called by rank 0, which the
     /// others follow ([`crate::remote_simulation::worker_loop`]).
     ///
     /// # Errors

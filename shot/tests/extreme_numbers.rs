@@ -250,13 +250,13 @@ fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
     let list =
         key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('.').rsplit('.').next().unwrap_or(key);
     let names = [place.clone(), format!("`{list}` = ")];
-    let is_told = |message: &str| {
+    let missing_place = |message: &str| {
         let is_named = names.iter().any(|name| message.contains(name));
         (!is_named).then(|| format!("{place}: its place is missing in {message}"))
     };
     let set = [(key.to_owned(), value.to_owned())];
     let description = match scene_file::parse(scene, "scene.toml", Path::new(""), &set) {
-        Err(error) => return is_told(&error.to_string()),
+        Err(error) => return missing_place(&error.to_string()),
         Ok(file) => match file.resolve() {
             // Two that depend on each other are reported at the table of both.
             Err(errors) => return errors[0].location.is_none().then(|| format!("{place}: {}", errors[0])),

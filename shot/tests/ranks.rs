@@ -72,7 +72,7 @@ fn shot() -> ShotDescription {
 /// End of a run: the result of rank 0, and the exit codes of the others.
 type Ended = (Result<RunReport, ShotError>, Vec<u8>);
 
-/// Runs a shot on so many ranks. `signalled` gets a signal to stop before it starts.
+/// Runs a shot on a number of ranks. `signalled` gets a signal to stop before it starts.
 fn run(
     ranks: usize,
     threads: usize,

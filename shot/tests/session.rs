@@ -1,4 +1,4 @@
-//! A shot in the hands of another program has the bits of a run, whoever moves its bodies, and after any pause.
+//! A shot in the hands of another program has the bits of a run, also with bodies that the program moves, and after any pause.
 
 use std::path::Path;
 

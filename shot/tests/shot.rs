@@ -61,7 +61,7 @@ fn body_file(folder: &Path, frames: &[i64], change: impl Fn(i64, &mut Vec<[f32; 
     })
 }
 
-/// Writes the mesh that `sample` gives for each frame, of faces with so many corners.
+/// Writes the mesh that `sample` gives for each frame, of faces with this number of corners.
 fn mesh_file(
     folder: &Path,
     frames: &[i64],

@@ -44,7 +44,7 @@ impl Run {
     }
 }
 
-/// A run may check a finer one if that takes at least so many times its steps.
+/// Least ratio of the steps of a finer run to those of a run that checks it.
 const MORE_STEPS: f64 = 1.5;
 
 /// Orders of convergence that a reference may be extrapolated with, and how far the measured order may be off.

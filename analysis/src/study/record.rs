@@ -125,7 +125,7 @@ pub struct Asked {
     pub vary: Vec<(String, Vec<String>)>,
     /// All combinations instead of one change at a time.
     pub grid: bool,
-    /// So many combinations that hold every value equally often; 0 for none.
+    /// Number of combinations that hold every value equally often; 0 for none.
     pub latin: u32,
     /// First and last frame asked for; as many as the time allows when `None`.
     pub frames: Option<[i64; 2]>,
@@ -149,7 +149,7 @@ pub struct Setting {
     pub threads: u32,
     /// Number of ranks; 0 and 1 for one alone.
     pub ranks: u32,
-    /// Deforming bodies are shown at every so many frames; 0 and 1 take every sample.
+    /// Interval of the samples of deforming bodies [frames]; 0 and 1 take every sample.
     pub body_frames: u32,
 }
 

@@ -204,7 +204,7 @@ struct Spent {
 struct Course<'a> {
     cloth: Cloth,
     pace: &'a Pace<'a>,
-    /// A trial keeps every so many frames, twice as many whenever there are too many.
+    /// Interval of the frames that a trial keeps, doubled whenever there are too many.
     stride: i64,
     spent: Vec<Spent>,
     kept: Vec<Kept>,

@@ -50,7 +50,7 @@ const PATIENCE: (f64, f64) = (3.0, 3.0);
 
 /// Observer of a study while it goes on.
 pub trait Observer {
-    /// Something that whoever looks after the study should know.
+    /// Receives a note for the user of the study.
     fn note(&mut self, text: &str);
 
     /// A run begins; it is the `number`th of `all` and will take about `seconds`, if anything is known of that.

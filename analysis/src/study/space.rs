@@ -166,7 +166,7 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
     all
 }
 
-/// Times of a reference so many times as fine as the scene, and of the two runs that check it, by that of the base.
+/// Times of a reference `fineness` times as fine as the scene, and of the two runs that check it, by that of the base.
 pub(crate) fn reference_times(fineness: f64) -> [f64; 3] {
     [1.0, 2.0, 4.0].map(|coarser| TIGHTEST * (fineness / coarser).sqrt())
 }
@@ -180,7 +180,7 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
         changes.iter().fold(none, |wish, (name, value)| with(&wish, name, value, ground))
     };
     let one = |name: &str, value: &str| all_of(&[(name, value)]);
-    // Steps so many times as short.
+    // Steps that are `times` times as short.
     let shorter = |times: usize| match ground.is_implicit {
         true => (STEPS_PER_FRAME, (times * ground.steps_per_frame).to_string()),
         false => (CFL, (ground.cfl / times as f64).to_string()),

@@ -5,7 +5,7 @@
 pub(super) enum Verdict {
     /// It holds.
     Holds,
-    /// It does not, and whoever reads the figures has to know.
+    /// It does not, and readers of the figures have to know.
     Fails,
     /// There is nothing to tell it from.
     Unknown,

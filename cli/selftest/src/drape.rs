@@ -194,7 +194,7 @@ pub struct Drape {
     pub steps: u64,
 }
 
-/// Drapes a specimen of a material with so many cells across the overhang.
+/// Drapes a specimen of a material with this number of cells across the overhang.
 ///
 /// # Errors
 /// The scene is refused, or a step fails: what it says.

@@ -112,7 +112,7 @@ fn what_is_no_file_is_refused_wherever_a_file_is_read() {
     let folder = with_files(BODY, SKIRT);
     let at = |name: &str| folder.path().join(name);
     for name in ["socket.abc", "socket.h5", "socket.toml", "socket.obj", "socket.json"] {
-        // Whoever opens it is refused by the system, with the words for another fault.
+        // The system refuses to open it, with the words for another fault.
         drop(UnixListener::bind(at(name)).unwrap());
     }
     let text = std::fs::read_to_string(at("scene.toml")).unwrap();

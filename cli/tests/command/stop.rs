@@ -64,7 +64,7 @@ density = 0.2
 
 #[test]
 fn a_run_whose_first_step_takes_for_ever_obeys_a_signal() {
-    // Each of these triangles is as near to each other as they can be: so many pairs fill any machine.
+    // Each of these triangles is as near to each other as they can be: the pairs fill any machine.
     const CORNERS: usize = 5000;
     let mut disc = String::new();
     for corner in 0..CORNERS {

@@ -1,7 +1,7 @@
 //! Connections between ranks beside MPI: plain TCP, over which they exchange heartbeats.
 //!
-//! A handshake comes first: both ends send their rank, the other's rank, and a number that only ranks of this run know: the same address may be
-//! another machine elsewhere, and a port another program.
+//! A handshake comes first: both ends send their rank, the other's rank, and a number that only ranks of this run know: the same
+//! address may be another machine elsewhere, and a port another program.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream};

@@ -79,7 +79,7 @@ pub enum StartError {
 /// All ranks of the job. MPI ends with it, which waits for all ranks to come to their end: a rank that has to end
 /// without the others calls [`abort`].
 ///
-/// Open MPI's `mpirun` ends whoever is left as soon as one process returns another exit code than zero, even after MPI
+/// Open MPI's `mpirun` ends the other processes as soon as one process returns another exit code than zero, even after MPI
 /// has ended. So rank 0, the last to have work, returns the code of the job, and the others return zero.
 pub struct World {
     rank: usize,

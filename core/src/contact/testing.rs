@@ -24,7 +24,7 @@ pub(crate) fn below(random: &mut SplitMix64, count: usize) -> usize {
     ((random.signed() + 1.0) * 0.5 * count as f64) as usize % count
 }
 
-/// First nodes of so many ranks at random places, and the number of all at the end. Some ranks may have none.
+/// First nodes of `ranks` ranks at random places, and the number of all at the end. Some ranks may have none.
 pub(crate) fn random_starts(random: &mut SplitMix64, ranks: usize, nodes: usize) -> Vec<u32> {
     let mut starts: Vec<u32> = (1..ranks).map(|_| below(random, nodes + 1) as u32).collect();
     starts.extend([0, nodes as u32]);

@@ -31,14 +31,14 @@ impl FrameCost {
         self.method + self.effects.iter().sum::<f64>()
     }
 
-    /// The mean of so many frames that were counted together.
+    /// Takes the mean over `frames` frames that were counted together.
     pub fn divide(&mut self, frames: f64) {
         self.effects.iter_mut().for_each(|seconds| *seconds /= frames);
         (self.steps, self.iterations, self.method) =
             (self.steps / frames, self.iterations / frames, self.method / frames);
     }
 
-    /// Measured in a frame of so many steps and iterations: `forces` are the seconds that each effect's forces took in it, the
+    /// Measured in a frame: `forces` are the seconds that each effect's forces took in it, the
     /// stages say the rest.
     pub(crate) fn measured(
         plan: &[PlannedEffect],

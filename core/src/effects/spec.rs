@@ -79,7 +79,7 @@ pub struct EffectSpec {
     pub cost: Cost,
     /// Setting of a request that takes the side of the faces for a side of the cloth, in words.
     pub(crate) looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
-    /// Between what there is friction in it, in words; `None` if there cannot be any.
+    /// Surfaces with friction between them, in words; `None` for an effect without friction.
     pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
     /// The section of a snapshot with what time changes in it; `None` if nothing does.
     pub section: Option<SectionId>,
@@ -141,7 +141,7 @@ impl Cost {
 }
 
 impl EffectSpec {
-    /// Effects of whose table that is all: no maps, section, stages or counts.
+    /// An effect without maps, section, stages or counts.
     pub(crate) const BARE: Self = Self {
         name: "",
         summary: "",
@@ -170,7 +170,7 @@ pub struct MapSpec {
     /// The rows of the numbers that it varies: what it makes of one of these may not be larger than a scene may write there. Empty
     /// for what every garment has.
     pub rows: &'static [&'static str],
-    /// Whether it can only be a share of what the effect does: what has several numbers.
+    /// Whether it can only be a share of the effect, because the effect has several numbers.
     pub(crate) is_share: bool,
     /// Whether there is a number in the scene that it varies on a garment; `None` if there always is one.
     pub(crate) varies: Option<fn(&SceneDescription, usize) -> bool>,

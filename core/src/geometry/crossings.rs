@@ -1,6 +1,6 @@
 //! Crossings of edges of triangle meshes with triangles, decided without rounding.
 //!
-//! This is the judge of self-collision handling: a cache with one crossing is worthless to whoever has to clean it. Two
+//! This is the judge of self-collision handling: a cache with one crossing has to be cleaned by hand. Two
 //! triangle surfaces meet exactly when an edge of one meets a triangle of the other, so edges against triangles is all
 //! that is looked at. Touching counts as meeting; lying in one plane without overlap does not. An edge is never tested
 //! against a triangle that has one of its vertices: two triangles with a common vertex are caught by the edge opposite.

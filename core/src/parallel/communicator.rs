@@ -41,7 +41,7 @@ pub trait Communicator: Send + Sync {
     fn gather(&self, own: Vec<u8>) -> Vec<Vec<u8>>;
 
     /// Starts to send messages and to receive one from each rank of `from`, neither of which is this rank; the bytes go on
-    /// their way while the caller works. Whoever sends to a rank is waited for there, and the other way round.
+    /// their way while the caller works. The receiving rank waits for the sending one, and the other way round.
     fn start(&self, messages: Vec<Message>, from: &[Expected]) -> Box<dyn Exchange + '_>;
 }
 

@@ -266,7 +266,7 @@ impl Halo {
     }
 }
 
-/// Name of messages with values that have changed, for the report of a broken one.
+/// Name of messages with values that have changed, for the error of a damaged one.
 const CHANGED: &str = "values that have changed";
 
 /// Appends the values of the vertices of a list that have changed, any number of each, with their places in it.

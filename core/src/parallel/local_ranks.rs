@@ -1,7 +1,7 @@
 //! Ranks as threads of one process, with channels between them: the whole distributed path without any MPI.
 //!
-//! A rank that panics, or that ends while another still wants a message of it, closes its channels. Whoever waits for
-//! it then unwinds as well, silently, and closes its own: so all ranks end, and the caller learns who was the first.
+//! A rank that panics, or that ends while another still wants a message of it, closes its channels. A rank that waits
+//! for it then unwinds as well, silently, and closes its own: so all ranks end, and the caller learns who was the first.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

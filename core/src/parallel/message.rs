@@ -25,12 +25,12 @@ pub struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// A message that came to this rank; its name is for the report of a broken one.
+    /// A message that came to this rank; its name is for the error of a damaged one.
     pub(crate) fn new(rank: usize, name: &'static str, bytes: &'a [u8]) -> Self {
         Self { rest: bytes, name, rank }
     }
 
-    /// The next so many bytes.
+    /// The next `count` bytes.
     ///
     /// # Panics
     /// The message has fewer.
@@ -42,7 +42,7 @@ impl<'a> Decoder<'a> {
         next
     }
 
-    /// The next so many plain values.
+    /// The next `count` plain values.
     ///
     /// # Panics
     /// The message has fewer.
@@ -174,10 +174,10 @@ pub trait Codec: Sized {
         all.iter().for_each(|value| value.put(out));
     }
 
-    /// Takes so many values.
+    /// Takes `count` values.
     ///
     /// # Panics
-    /// The message does not begin with so many.
+    /// The message does not begin with as many.
     fn take_all(count: usize, message: &mut Decoder<'_>) -> Vec<Self> {
         // A count that is broken asks for no more room than its message has.
         let mut all = Vec::with_capacity(count.min(message.rest.len()));

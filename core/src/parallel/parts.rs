@@ -41,7 +41,7 @@ impl Partition {
         Self { starts, garments }
     }
 
-    /// Adds a garment of so many vertices; no part holds vertices of two garments. Returns their numbers in the scene.
+    /// Adds a garment of `vertices` vertices; no part holds vertices of two garments. Returns their numbers in the scene.
     pub(crate) fn add_garment(&mut self, vertices: usize) -> Range<usize> {
         let first = self.vertex_count();
         part_ends(first, vertices, &mut self.starts);
@@ -294,7 +294,7 @@ impl Parts {
     }
 }
 
-/// Appends the ends of the parts of so many vertices from `first` on: each half is halved again until it is small enough.
+/// Appends the ends of the parts of `vertices` vertices from `first` on: each half is halved again until it is small enough.
 fn part_ends(first: usize, vertices: usize, ends: &mut Vec<usize>) {
     if vertices > PART_SIZE {
         let low = vertices / 2;

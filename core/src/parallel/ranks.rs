@@ -123,7 +123,7 @@ impl Ranks {
         Duration::from_nanos(self.traffic.waited.load(Relaxed)).as_secs_f64()
     }
 
-    /// Takes part in a collective operation and gives so many bytes.
+    /// Takes part in a collective operation with a contribution of `bytes` bytes.
     fn together<T>(&self, bytes: usize, operation: impl FnOnce(&dyn Communicator) -> T) -> T {
         self.traffic.collectives.fetch_add(1, Relaxed);
         self.traffic.bytes.fetch_add(bytes as u64, Relaxed);
@@ -223,7 +223,7 @@ impl Ranks {
         all.iter().map(|bytes| message::rows(self.rank(), "rows of a rank", bytes)).collect()
     }
 
-    /// The values of all ranks, those of rank 0 first; `name` is for the report of a broken message, as in the functions below.
+    /// The values of all ranks, those of rank 0 first; `name` is for the error of a damaged message, as in the functions below.
     pub(crate) fn all_gather_encoded<T: Codec>(&self, name: &'static str, own: Vec<T>) -> Vec<T> {
         if self.is_alone() {
             return own;

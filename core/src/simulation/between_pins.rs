@@ -145,7 +145,7 @@ mod tests {
         SceneDescription,
     };
 
-    /// Cells of the strip along x, so many that it has several parts; and the first of the three rows of pinned vertices, between
+    /// Cells of the strip along x, enough for several parts; and the first of the three rows of pinned vertices, between
     /// which parts meet.
     const CELLS: usize = 1500;
     const ROW: usize = 749;

@@ -185,7 +185,7 @@ impl Simulation {
         let Prescribed { targets, bodies, .. } = &mut self.prescribed;
         let problem = targets.restore(section, bodies).err();
         let elsewhere =
-            || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot resume from it".into() };
+            || SnapshotError { section: section.id.name.to_owned(), what: "another rank cannot resume from it".into() };
         match (self.scene.parts().ranks().any(problem.is_some()), problem) {
             (false, _) => Ok(()),
             (true, problem) => Err(problem.unwrap_or_else(elsewhere)),

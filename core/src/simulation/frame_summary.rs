@@ -116,7 +116,7 @@ impl FrameSummary {
     }
 }
 
-/// One edge in so many is left out of [`GarmentStrains::p99_9`].
+/// Number of edges of which one is left out of [`GarmentStrains::p99_9`].
 const EDGES_FOR_ONE: u64 = 1000;
 
 /// A vertex that a pin or a seam has let go for good.

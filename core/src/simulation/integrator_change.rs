@@ -9,8 +9,10 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::frame_cost::{COUNTS, Counts, SceneSizes, counts_of};
+use super::numbers::RebuildError;
 use super::recovery::RetryState;
 use crate::contact::self_contact::SelfContact;
+use crate::error::StepError;
 use crate::scene::{Integrator, Scene};
 use crate::snapshot::rows::TargetNumbers;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
@@ -178,9 +180,13 @@ impl Simulation {
     }
 
     /// Changes the integrator behind a frame if the other one has become cheaper; returns the new one. All ranks call it together.
-    pub(super) fn reconsider_integrator(&mut self) -> Option<Integrator> {
+    ///
+    /// # Errors
+    /// The solver can be built with neither integrator.
+    pub(super) fn reconsider_integrator(&mut self) -> Result<Option<Integrator>, StepError> {
         let present = self.scene.description().solver.integrator;
-        let next = self.integrator_change.as_mut()?.end_frame(present)?;
+        let next = self.integrator_change.as_mut().and_then(|change| change.end_frame(present));
+        let Some(next) = next else { return Ok(None) };
         let mut scene = Arc::clone(&self.scene);
         Arc::make_mut(&mut scene).description.solver.integrator = next;
         // What was found out about steps of another length does not count.
@@ -189,11 +195,14 @@ impl Simulation {
         self.contacts.cloth.iter_mut().for_each(SelfContact::restart_substeps);
         let memory = self.saved_sections();
         // Numbers that have changed since the start may suit one integrator alone.
-        if self.rebuild(scene, None, &memory).is_err() {
-            self.integrator_change.iter_mut().for_each(|change| change.stay_with(present));
-            return None;
+        match self.rebuild(scene, None, &memory) {
+            Ok(()) => Ok(Some(next)),
+            Err(RebuildError::Refused(_)) => {
+                self.integrator_change.iter_mut().for_each(|change| change.stay_with(present));
+                Ok(None)
+            }
+            Err(RebuildError::Broken(SnapshotError { what, .. })) => Err(StepError::Broken { frame: self.frame, what }),
         }
-        Some(next)
     }
 
     pub(super) fn save_integrator(&self) -> Option<SavedSection> {

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::Simulation;
+use super::numbers::RebuildError;
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};
@@ -75,7 +76,7 @@ impl Simulation {
         let mut memory = self.saved_sections();
         memory.iter_mut().for_each(|(_, section)| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
-        self.rebuild(scene, Some(tracks), &memory)
+        self.rebuild(scene, Some(tracks), &memory).map_err(RebuildError::into_error)
     }
 
     /// The rows of the tracks' samples that this rank's pins follow in `scene`.

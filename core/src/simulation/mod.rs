@@ -365,7 +365,7 @@ impl Simulation {
 
     /// Memory of the state and the scratch arrays on this rank [bytes].
     pub fn bytes(&self) -> usize {
-        2 * self.cloth.state.x.len() * size_of::<Vec3>() + self.cloth.scratch.bytes()
+        (2 * self.cloth.state.x.len() + self.cloth.state.a.len()) * size_of::<Vec3>() + self.cloth.scratch.bytes()
     }
 
     /// Memory of the list of close pairs of cloth where layers lie on each other, which is found only in a step, on this rank [bytes]; zero
@@ -465,7 +465,7 @@ impl Simulation {
         self.note_cost();
         self.measure(&mut summary)?;
         self.rebalance();
-        summary.next_integrator = self.reconsider_integrator();
+        summary.next_integrator = self.reconsider_integrator()?;
         Ok(Advance::Done(summary))
     }
 

@@ -7,7 +7,7 @@ use super::checkpoint::Room;
 use super::{FrameInput, Simulation};
 use crate::contact::bodies::Samples;
 use crate::effects::registry::{build_each, build_one};
-use crate::error::{Problem, Problems, StepError};
+use crate::error::{ChangeError, Problem, Problems, StepError};
 use crate::scene::Scene;
 use crate::scene::number_curves::NumberCurve;
 use crate::settings::SettingValue;
@@ -73,23 +73,56 @@ fn telling_frames(curve: &NumberCurve) -> Vec<i64> {
     frames
 }
 
+/// Failure to build a simulation again.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum RebuildError {
+    /// The new form of the scene is refused; the simulation is as it was.
+    Refused(SnapshotError),
+    /// The simulation is in parts, and may not be used any more.
+    Broken(SnapshotError),
+}
+
+impl RebuildError {
+    /// The error without its consequence.
+    pub(super) fn into_error(self) -> SnapshotError {
+        match self {
+            Self::Refused(error) | Self::Broken(error) => error,
+        }
+    }
+}
+
+/// Error of the scene in the words of a snapshot.
+fn of_scene(what: String) -> SnapshotError {
+    SnapshotError { section: "scene".into(), what }
+}
+
 impl Simulation {
     /// Gives numbers of the scene other values from the next step on, by their paths (`garment.skirt.stretch.stiffness`,
     /// `body.hero.friction`), in SI units. Between frames; all ranks call it together with the same numbers. A snapshot does not
     /// hold them.
     ///
     /// # Errors
-    /// The scene has no such number, the value does not fit it, or a curve of the scene changes it; nothing has changed then.
-    pub fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), Problem> {
+    /// The scene has no such number, the value does not fit it, or a curve of the scene changes it; nothing has changed then. After
+    /// [`ChangeError::Broken`] the simulation may not be used any more.
+    pub fn set(&mut self, numbers: &[(String, SettingValue)]) -> Result<(), ChangeError> {
         let description = self.scene.description();
         for (path, value) in numbers {
-            let problem = |what: String, advice: &str| Problem::scene(path.clone(), what, advice);
+            let problem = |what: String, advice: &str| ChangeError::Refused(Problem::scene(path.clone(), what, advice));
             check_number(description, path, value).map_err(|(what, advice)| problem(what, advice))?;
             if description.curves.contains_key(path) {
                 return Err(problem("a curve of the scene changes this number".into(), "remove the curve"));
             }
         }
-        self.change_numbers(numbers, None).map_err(|what| Problem::scene("numbers", what, "set other values"))
+        self.change_numbers(numbers, None).map_err(|error| match error {
+            RebuildError::Refused(error) => {
+                ChangeError::Refused(Problem::scene("numbers", error.what, "set other values"))
+            }
+            RebuildError::Broken(error) => ChangeError::Broken(Problem::scene(
+                "numbers",
+                error.what,
+                "restore a state, or prepare the scene again",
+            )),
+        })
     }
 
     /// Gives the numbers that have curves their values at the frame of `input`. All ranks call it together.
@@ -99,16 +132,18 @@ impl Simulation {
             return Ok(());
         }
         let numbers = self.scene.description().numbers_at(input.frame);
-        let failed = |what: String| StepError::Input { frame: input.frame, what };
-        self.change_numbers(&numbers, Some(input.frame)).map_err(failed)
+        self.change_numbers(&numbers, Some(input.frame)).map_err(|error| match error {
+            RebuildError::Refused(SnapshotError { what, .. }) => StepError::Input { frame: input.frame, what },
+            RebuildError::Broken(SnapshotError { what, .. }) => StepError::Broken { frame: input.frame, what },
+        })
     }
 
     /// Builds everything anew if these numbers, or the maps of a frame, differ from the present ones.
-    fn change_numbers(&mut self, numbers: &[(String, SettingValue)], frame: Option<i64>) -> Result<(), String> {
+    fn change_numbers(&mut self, numbers: &[(String, SettingValue)], frame: Option<i64>) -> Result<(), RebuildError> {
         let mut description = self.scene.description().clone();
         let mut changes = false;
         for (path, value) in numbers {
-            changes |= description.set_number(path, value)?;
+            changes |= description.set_number(path, value).map_err(|what| RebuildError::Refused(of_scene(what)))?;
         }
         let has_maps = description.garments.iter().any(|garment| !garment.map_curves.is_empty());
         if !(changes || has_maps) {
@@ -121,28 +156,29 @@ impl Simulation {
         }
         let scene = Arc::new(scene.derive());
         let memory = self.saved_sections();
-        self.rebuild(scene, None, &memory).map_err(|error| error.what)
+        self.rebuild(scene, None, &memory)
     }
 
     /// Builds effects, bodies and contact of another form of the scene around the state in `memory`, with `tracks` where they change.
     /// The parts to be replaced are dropped first: the old and the new ones together would be the memory peak of the run.
     ///
     /// # Errors
-    /// The effects cannot be built; the simulation is then built as it was.
+    /// [`RebuildError::Refused`] if the effects cannot be built; the simulation is then built as it was. [`RebuildError::Broken`] if
+    /// that fails too, or `memory` does not fit.
     pub(super) fn rebuild(
         &mut self,
         scene: Arc<Scene>,
         tracks: Option<Vec<Samples>>,
         memory: &[(&'static Room, SavedSection)],
-    ) -> Result<(), SnapshotError> {
-        let error = |problems: Problems| SnapshotError { section: "scene".into(), what: problems.to_string() };
+    ) -> Result<(), RebuildError> {
+        let broken = |problems: Problems| RebuildError::Broken(of_scene(problems.to_string()));
         self.drop_what_is_built();
         let (scene, effects, refused) = match build_each(&scene, true) {
             Ok(effects) => (scene, effects, Ok(())),
             Err(problems) => {
                 let present = Arc::clone(&self.scene);
-                let effects = build_each(&present, true).map_err(error)?;
-                (present, effects, Err(error(problems)))
+                let effects = build_each(&present, true).map_err(broken)?;
+                (present, effects, Err(RebuildError::Refused(of_scene(problems.to_string()))))
             }
         };
         let tracks = tracks.filter(|_| refused.is_ok()).unwrap_or_else(|| std::mem::take(&mut self.prescribed.tracks));
@@ -150,8 +186,8 @@ impl Simulation {
         bodies.take_properties(&scene);
         let wind = std::mem::take(&mut self.dynamics.wind);
         let mut built =
-            Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind)).map_err(error)?;
-        built.restore_sections(self.frame, memory)?;
+            Self::with(Arc::clone(&scene), effects, State::at_start(&scene), (bodies, tracks, wind)).map_err(broken)?;
+        built.restore_sections(self.frame, memory).map_err(RebuildError::Broken)?;
         (built.sent, built.balance) = (self.sent, self.balance.clone());
         std::mem::swap(&mut built.metrics, &mut self.metrics);
         built.observer = self.observer.take();
@@ -172,5 +208,35 @@ impl Simulation {
         self.dynamics.forces = PartForces::default();
         self.dynamics.filters.clear();
         self.dynamics.volumes = Volumes::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vec3;
+    use crate::mesh::PolygonMesh;
+    use crate::scene::{EffectRequest, GarmentDescription, SceneDescription};
+
+    #[test]
+    fn a_refused_change_leaves_the_simulation_whole_and_one_whose_memory_does_not_fit_breaks_it() {
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::zeros(), Vec3::x(), Vec3::z()], &[[0, 2, 1]]);
+        let mut description = SceneDescription::new("fall");
+        description.garments.push(GarmentDescription::new("cloth", mesh, 0.2));
+        description.effects.push(EffectRequest::of_scene("gravity"));
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        let mut simulation =
+            Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|problems| panic!("{problems}"));
+        let present = Arc::clone(&simulation.scene);
+        let mut wrong = (*present).clone();
+        wrong.description.effects.push(EffectRequest::of_scene("gravity").with("acceleration", 1.0));
+        let memory = simulation.saved_sections();
+        let refused = simulation.rebuild(Arc::new(wrong), None, &memory);
+        assert!(matches!(refused, Err(RebuildError::Refused(_))), "{refused:?}");
+        simulation.advance(&FrameInput::to_frame(1)).expect("it is whole");
+        assert!(simulation.cloth.state.x.iter().all(|x| x.y < 0.0), "its forces act");
+        // The state of another frame.
+        let broken = simulation.rebuild(present, None, &memory);
+        assert!(matches!(broken, Err(RebuildError::Broken(_))), "{broken:?}");
     }
 }

@@ -93,7 +93,7 @@ impl Simulation {
         &self.start_lengths
     }
 
-    /// Notes both. All ranks call it together, when the cloth and what crosses are known.
+    /// Finds crossings, wrong layers and wrong lengths. All ranks call it together, when the cloth and its crossings are known.
     pub(super) fn look_at_start(&mut self) {
         self.start_crossings = self.crossings_of_objects();
         self.start_layers = self.wrong_layers();
@@ -210,7 +210,7 @@ mod tests {
     };
     use crate::simulation::FrameInput;
 
-    /// Cells of the strip along x, so many that it has several parts.
+    /// Cells of the strip along x, enough for several parts.
     const CELLS: u32 = 1500;
 
     /// A strip of cells of 2 cm in the plane y = 0, each cut from its corner at the origin to the one across.

@@ -184,8 +184,7 @@ pub struct DatasetOutline {
     pub kind: ValueKind,
 }
 
-/// Takes a snapshot piece by piece. What goes wrong is kept and returned at the end, so that whoever saves need not stop in
-/// the middle of it.
+/// Takes a snapshot piece by piece. An error is kept and returned at the end, so that the caller need not stop in the middle.
 pub trait SnapshotSink {
     /// Begins a section.
     fn section(&mut self, name: &str, version: u32);

@@ -42,7 +42,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Own vertices by the order of the garments' own numbers, and behind them so many rows that all ranks have.
+    /// Own vertices by the order of the garments' own numbers, and behind them `known` rows that all ranks have.
     pub(super) fn of_vertices(parts: &Parts, known: usize) -> Self {
         let mut rows: Vec<(u32, u32)> = parts.own().map(|local| own_number(parts, local)).zip(0..).collect();
         rows.sort_unstable();

@@ -50,7 +50,7 @@ enum Layout {
     Vertices,
     /// The same, of vectors that are possible.
     Vectors,
-    /// The same, and one for each of so many points of bodies, which all ranks know; or none at all.
+    /// The same, and one for each of `points` points of bodies, which all ranks know; or none at all.
     Nodes { points: usize, given: bool },
     /// One for each own pin target.
     Targets,
@@ -85,7 +85,7 @@ impl Field {
         Self::new(Layout::Single, 1, vec![value])
     }
 
-    /// So many numbers for each own vertex, ascending.
+    /// `width` numbers for each own vertex, ascending.
     pub(crate) fn vertices(width: usize, values: Vec<f64>) -> Self {
         Self::new(Layout::Vertices, width, values)
     }
@@ -95,18 +95,18 @@ impl Field {
         Self::new(Layout::Vectors, 3, cast_slice::<_, f64>(vectors).to_vec())
     }
 
-    /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
+    /// A vector for each own vertex, ascending, and for each of `points` points of bodies, which all ranks know; or none at all.
     pub(crate) fn nodes(points: usize, vectors: Option<[&[Vec3]; 2]>) -> Self {
         let flat = vectors.map_or_else(Vec::new, |both| cast_slice(&both.concat()).to_vec());
         Self::new::<f64>(Layout::Nodes { points, given: vectors.is_some() }, 3, flat)
     }
 
-    /// So many values for each own pin target.
+    /// `width` values for each own pin target.
     pub(crate) fn targets<T: Value>(width: usize, values: Vec<T>) -> Self {
         Self::new(Layout::Targets, width, values)
     }
 
-    /// Rows of so many nodes by their numbers in the scene, which all ranks know.
+    /// Rows of `width` nodes by their numbers in the scene, which all ranks know.
     pub(crate) fn numbers(width: usize, numbers: Vec<u32>) -> Self {
         Self::new(Layout::Numbers, width, numbers)
     }

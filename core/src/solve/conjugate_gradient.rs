@@ -42,7 +42,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// The same after so many times the iterations.
+    /// The same with `times` as many iterations.
     pub(crate) fn later(self, times: usize) -> Self {
         Self { max_iterations: self.max_iterations.saturating_mul(times), ..self }
     }

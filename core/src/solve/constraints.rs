@@ -55,7 +55,7 @@ pub(super) fn projected(columns: &[Vec3; 3], r: Simd4) -> Simd4 {
 }
 
 impl Constraints {
-    /// None of so many parts.
+    /// No constraint in any part.
     pub(super) fn none(parts: &Parts) -> Self {
         Self { parts: vec![Vec::new(); parts.count()] }
     }

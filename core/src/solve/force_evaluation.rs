@@ -18,6 +18,11 @@ impl ElementSlots {
     pub fn of_part(&self, part: usize) -> &[Vec<Slot>] {
         &self.0[part]
     }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        self.0.iter().flatten().map(|slots| size_of_val(slots.as_slice())).sum()
+    }
 }
 
 /// A matrix of zeros for the elements of these forces, and where their blocks are in it.

@@ -295,7 +295,7 @@ impl PreconditionedCg {
                 for ((inverse_mass, r), block) in masses.iter().zip(r).zip(&mut blocks) {
                     sum += r.component_mul(BlockInverses::times(block, *r));
                     let nodal = *r * *inverse_mass;
-                    // What is no number is seen in the sum, and passed over here.
+                    // A value that is not a number is found in the sum; `max` ignores it.
                     largest = largest.max(nodal.dot(nodal));
                 }
                 (*dot, *residual) = (sum.sum(), largest);

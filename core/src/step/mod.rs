@@ -67,7 +67,7 @@ pub(crate) struct Step<'a> {
 pub(crate) struct StepSettings<'a> {
     /// Its length [s].
     pub dt: f64,
-    /// Distance by which vertices that are behind their pins, or too deep in bodies, are put right.
+    /// Limit on the correction of vertices that are behind their pins or too deep in bodies.
     pub recovery_speed: RecoverySpeed,
     /// Mean edge of the cloth [m].
     pub mean_edge: f64,

@@ -195,7 +195,7 @@ fn write_changing(path: &Path) -> Result<(), AlembicError> {
     archive.finish(Durability::Synced)
 }
 
-/// Property `s_0_1_2` is a scalar with the samples 0, 1, 2; `a_0_1_2` an array with so many elements in each sample.
+/// Property `s_0_1_2` is a scalar with the samples 0, 1, 2; `a_0_1_2` an array with these numbers of elements in its samples.
 fn write_patterns(path: &Path) -> Result<(), AlembicError> {
     let mut archive = ArchiveWriter::create(path, &options())?;
     let sampling = archive.add_time_sampling(TimeSampling::frames(0.0, 24.0)?)?;

@@ -66,7 +66,7 @@ impl PodType {
     }
 }
 
-/// Type of one element: so many values of a plain type, for example 3 × `F32` for a point.
+/// Type of one element: one or more values of a plain type, for example 3 × `F32` for a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct DataType {
     /// Type of each value.

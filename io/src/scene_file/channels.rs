@@ -47,7 +47,7 @@ pub(super) fn is_channel(node: &Node) -> bool {
     node.as_table().is_some_and(|table| [FILE, CHANNEL].iter().any(|key| table.get(key).is_some()))
 }
 
-/// Reads the channel that a table names, in a scene of so many frames a second whose files are relative to `folder`.
+/// Reads the channel that a table names, in a scene of this frame rate whose files are relative to `folder`.
 ///
 /// # Errors
 /// An unknown key; the file, the object or the property is not there; a value is no number.

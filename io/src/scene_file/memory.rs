@@ -53,7 +53,7 @@ pub(super) struct NoRoom {
 }
 
 impl Memory {
-    /// Takes note of a garment of so many points, each of which takes so much [bytes].
+    /// Takes note of a garment by its points and the memory of each [bytes].
     ///
     /// # Errors
     /// There is not enough for it and the garments before.

@@ -229,7 +229,7 @@ impl SceneFile {
         self.resolve_on(1)
     }
 
-    /// The same for so many ranks, of which each has to have room for its share of the garments.
+    /// The same for `ranks` ranks, of which each has to have room for its share of the garments.
     ///
     /// # Errors
     /// As [`SceneFile::resolve`].

@@ -65,7 +65,7 @@ pub(super) struct Resolver<'a> {
     pub(super) memory: Memory,
 }
 
-/// Resolves a scene file for so many ranks.
+/// Resolves a scene file for a number of ranks.
 pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription, Vec<SceneFileError>> {
     let document = &scene.document;
     let mut resolver = Resolver {
@@ -198,7 +198,7 @@ impl Resolver<'_> {
         self.errors.push(SceneFileError { kind: SceneErrorKind::Data, ..error });
     }
 
-    /// Takes note of a garment of so many points; refuses it, as a lack of memory, where they have no room. Called before its
+    /// Takes note of a garment of `points` points; refuses it, as a lack of memory, where they have no room. Called before its
     /// points are anywhere.
     pub(super) fn has_room(&mut self, path: &Path, points: f64) -> Option<()> {
         self.has_room_for(path, points, self.memory.of_point(path))

@@ -357,7 +357,7 @@ fn resolve_in(folder: &TempDir, text: &str) -> Result<ShotDescription, Vec<Scene
 #[test]
 fn a_body_from_a_file_without_a_thickness_has_what_coarse_faces_need() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // A tube of flat strips, so many around, of 0.2 m radius.
+    // A tube of flat strips, of 0.2 m radius.
     let mut text = String::new();
     let (around, rows) = (32, 10);
     for k in 0..around * rows {

@@ -68,7 +68,7 @@ pub unsafe extern "C" fn drapery_run(
         };
         // SAFETY: the caller promises it; the callback is dropped with `options`, before this returns.
         options.requests.ask_program(Box::new(unsafe { asks(cancel, User(user)) }));
-        let mut tell = |report: &FrameReport<'_>| {
+        let mut report_frame = |report: &FrameReport<'_>| {
             let Some(progress) = progress else { return };
             let report = drapery_frame_report {
                 frame: report.frame,
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn drapery_run(
             // SAFETY: the caller promises it.
             unsafe { progress(&report, user) }
         };
-        let report = shot.run(&options, &mut tell)?;
+        let report = shot.run(&options, &mut report_frame)?;
         Ok(if matches!(report.outcome, Outcome::Stopped(_)) { DRAPERY_CANCELLED } else { DRAPERY_DONE })
     })
 }

@@ -9,28 +9,28 @@ use drapery_io::input_file;
 use crate::farm::lock;
 use crate::farm::process::Owner;
 use crate::run_record::MANIFEST;
-use crate::run_record::manifest::{AttemptRecord, Manifest, Pen};
+use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestLock};
 use crate::run_record::writer;
 
 /// Says in manifest and record why the run of this process ends, and gives its folder back. A folder that this process does not hold
-/// is left alone. The caller keeps the pen, with which nobody else writes a manifest, and ends the process.
+/// is left alone. The caller keeps the lock, with which nobody else writes a manifest, and ends the process.
 ///
 /// # Errors
 /// The folder cannot be read or written.
-pub fn last_words(folder: &Path, error: &str) -> Result<Pen, IoError> {
-    let (me, pen) = (Owner::this_process(), Pen::take());
+pub fn last_words(folder: &Path, error: &str) -> Result<ManifestLock, IoError> {
+    let (me, lock) = (Owner::this_process(), ManifestLock::take());
     if !lock::is_held_by(folder, &me)? {
-        return Ok(pen);
+        return Ok(lock);
     }
     let text = input_file::bytes(&folder.join(MANIFEST));
     // The manifest of an earlier attempt may still be there.
     let ours = |manifest: &Manifest| manifest.attempts.last().is_some_and(|attempt| is_by(attempt, &me));
     let manifest = text.ok().and_then(|text| serde_json::from_slice::<Manifest>(&text).ok()).filter(ours);
     if let Some(manifest) = manifest {
-        failed(folder, manifest, (error, &pen))?;
+        failed(folder, manifest, (error, &lock))?;
     }
     lock::give_back(folder)?;
-    Ok(pen)
+    Ok(lock)
 }
 
 /// Says in manifest and record that an attempt of this process failed while it prepared the folder, if that has begun: a manifest
@@ -41,11 +41,11 @@ pub fn last_words(folder: &Path, error: &str) -> Result<Pen, IoError> {
 pub(crate) fn failed_to_begin(folder: &Path, error: &str) -> Result<(), IoError> {
     let text = input_file::bytes(&folder.join(MANIFEST))?;
     let manifest = serde_json::from_slice::<Manifest>(&text).ok().filter(|manifest| manifest.state == "running");
-    manifest.map_or(Ok(()), |manifest| failed(folder, manifest, (error, &Pen::take())))
+    manifest.map_or(Ok(()), |manifest| failed(folder, manifest, (error, &ManifestLock::take())))
 }
 
 /// The manifest says it also where the record cannot.
-fn failed(folder: &Path, mut manifest: Manifest, (error, pen): (&str, &Pen)) -> Result<(), IoError> {
+fn failed(folder: &Path, mut manifest: Manifest, (error, lock): (&str, &ManifestLock)) -> Result<(), IoError> {
     manifest.state = "failed".into();
     manifest.error = Some(error.to_owned());
     let me = Owner::this_process();
@@ -53,7 +53,7 @@ fn failed(folder: &Path, mut manifest: Manifest, (error, pen): (&str, &Pen)) -> 
         attempt.end = Some("failed".to_owned());
     }
     let recorded = writer::record_failure(folder, error);
-    pen.write(&manifest, folder).and(recorded)
+    lock.write(&manifest, folder).and(recorded)
 }
 
 /// Whether an attempt is one of this process.

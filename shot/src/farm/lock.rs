@@ -163,7 +163,7 @@ impl RunLock {
             }
             std::thread::sleep(LOOK_AGAIN);
         }
-        // Whoever replaces a lock holds the system's lock on it for an instant only; somebody has stopped in it.
+        // A process that replaces a lock holds the system's lock on it for an instant only; one has stopped in it.
         let name = holder.map_or_else(|| "an unknown process".to_owned(), |holder| holder.to_string());
         let what = format!("several runs are taking over this folder from {name} at the same time");
         Err(IoError::Locked { path, what, advice: "end them, then start one of them again".to_owned() })
@@ -213,7 +213,7 @@ impl Drop for RunLock {
             // A heart that panicked is as still as one that was told to stop.
             let _ = thread.join();
         }
-        // Whoever is just taking the lock over holds the system's lock on this file; the name is theirs then.
+        // A process that is taking the lock over holds the system's lock on this file; the name is its own then.
         let taken = matches!(self.file.try_lock(), Err(TryLockError::WouldBlock));
         if !taken && self.still_mine() {
             // If it stays, the next run finds that this process has ended.

@@ -1,4 +1,4 @@
-//! `OUT/stale`: what a run that goes on does not go on from, one folder an attempt, and how many of these are kept.
+//! `OUT/stale`: files that a resumed run does not resume from, one folder for each attempt, and the number of folders kept.
 //!
 //! A copy is made whenever complete frames are simulated again. A run that is killed again and again would fill the disk with
 //! them, so copies that say nothing new are removed: of those of the same scene, inputs and solver as the run, which hold the

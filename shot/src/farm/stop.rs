@@ -276,7 +276,7 @@ impl StopRequests {
 
     /// Looks for request files in the folder of the run from now on; requests to an earlier run are removed.
     ///
-    /// Only whoever has the lock of the folder may do this. Returns the names of what was removed.
+    /// Only the process with the lock of the folder may do this. Returns the names of what was removed.
     ///
     /// # Errors
     /// The folder `control` cannot be created.

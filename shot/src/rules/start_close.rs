@@ -12,7 +12,7 @@ use super::{Facts, Finding};
 /// Distances from so much of the thickness on are far enough.
 const FAR_ENOUGH: f64 = 0.9;
 
-/// One free vertex in so many may be closer before it is said: folds and seams of a garment often are.
+/// Number of free vertices of which one may be closer without a warning: folds and seams of a garment often are.
 const FEW: usize = 20;
 
 /// Push that nobody sees [m].

@@ -8,7 +8,7 @@ use super::Finding;
 /// The setting that says how much short edges lower.
 const CLAMP: &str = "thickness_clamp";
 
-/// One vertex in so many may be concerned before it is said: every mesh has a few short edges.
+/// Number of vertices of which one may be concerned without a warning: every mesh has a few short edges.
 const FEW: u64 = 100;
 
 pub(super) fn find(simulation: &Simulation) -> Vec<Finding> {

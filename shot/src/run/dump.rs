@@ -1,4 +1,4 @@
-//! The cloth after lines of the solver's listings, as HDF5: what `--dump B.4@1005.3` writes, for whoever looks for the line in
+//! The cloth after lines of the solver's listings, as HDF5: the output of `--dump B.4@1005.3`, for a search for the line in
 //! which cloth goes wrong (`docs/reference/dump.md`).
 
 use std::fs;

@@ -467,7 +467,7 @@ impl<'a> Run<'a> {
     /// Writes, after the solver has given up, a checkpoint to go on from once that is mended, and a bundle to replay.
     fn leave_bundle(&mut self, error: &ShotError, observer: &mut dyn Observer) {
         let ShotError::Step(error) = error else { return };
-        if matches!(error, StepError::Input { .. }) {
+        if matches!(error, StepError::Input { .. } | StepError::Broken { .. }) {
             return;
         }
         let head = self.head(Vec::new());

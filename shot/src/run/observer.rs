@@ -72,10 +72,10 @@ pub trait Observer {
     /// The logs of this attempt are open: words, then JSON lines.
     fn logs(&mut self, _files: [File; 2]) {}
 
-    /// The run does not begin at the first frame: so many frames are done.
+    /// The run does not begin at the first frame: `done` frames are complete.
     fn resumed(&mut self, _frame: i64, _done: u64) {}
 
-    /// Something that whoever looks after the run should know.
+    /// Receives a note for the user of the run.
     fn note(&mut self, text: String);
 
     /// Receives a change since an earlier attempt that is as it should be.
@@ -84,7 +84,7 @@ pub trait Observer {
     /// Receives the description of a dump.
     fn dumped(&mut self, _text: String) {}
 
-    /// A frame takes long: it has so many collision-free states so far, and this share of its time is done.
+    /// A frame takes long: it has this number of collision-free states so far, and this share of its time is done.
     fn underway(&mut self, _frame: i64, _states: u64, _share: f64) {}
 
     /// A frame is on the disk.

@@ -148,7 +148,7 @@ impl NewForm<'_> {
         FromPositions::new(self.plan.mesh, self.plan.normals, is_asked)
     }
 
-    /// The number in a cache of the sample that lies so many samples behind a frame, or what it lacks.
+    /// The number in a cache of the sample that lies `sub_frame` samples behind a frame, or what it lacks.
     fn sample(&self, frames: &CacheFrames, (frame, sub_frame): (i64, usize)) -> Result<usize, String> {
         let mesh = &frames.meshes[0];
         let Some(number) = sub_frame.checked_sub(1) else {

@@ -138,15 +138,15 @@ impl Manifest {
     /// # Errors
     /// The disk refuses.
     pub fn write(&self, folder: &Path) -> Result<(), IoError> {
-        Pen::take().write(self, folder)
+        ManifestLock::take().write(self, folder)
     }
 }
 
 /// The right to write manifests: of the threads of a process, the one that has it.
 #[derive(Debug)]
-pub struct Pen(#[expect(dead_code, reason = "held, not looked at")] MutexGuard<'static, ()>);
+pub struct ManifestLock(#[expect(dead_code, reason = "held, not looked at")] MutexGuard<'static, ()>);
 
-impl Pen {
+impl ManifestLock {
     /// Waits until no other thread has it.
     pub(crate) fn take() -> Self {
         static ONLY: Mutex<()> = Mutex::new(());

@@ -16,7 +16,7 @@ fn pair() -> [TcpStream; 2] {
     [caller, listener.accept().unwrap().0]
 }
 
-/// The watch of rank 0 of so many, and where to send what comes to it.
+/// The watch of rank 0 among `ranks`, and its listener.
 fn watch(ranks: usize) -> (Watch, TcpListener) {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     listener.set_nonblocking(true).unwrap();

@@ -250,8 +250,8 @@ impl ActiveContact {
         true
     }
 
-    /// The mode and the friction [N s] that fit a residual [N s], known to within `doubt` [N s], and by how much what the body has given
-    /// differs from what it can give, and its size, both squared.
+    /// The mode and the friction [N s] that fit a residual [N s], known to within `doubt` [N s]; the difference between the impulse of the
+    /// body and the closest one that it can give, and the size of the impulse, both squared.
     fn judge(&self, residual: &Residual, doubt: f64) -> Judgement {
         if self.mode == ContactMode::Dragged {
             // A solve leaves nothing there that a body would have to give.
@@ -540,7 +540,7 @@ impl ActiveSet {
     }
 
     /// Adds contacts of vertices that do not go with a body yet or that surfaces drag from now on, ascending, and drops those that are
-    /// free: on every rank, also where nothing is met, since parts with a contact are solved again.
+    /// free. Every rank calls it, also without new contacts, since parts with a contact are solved again.
     pub(crate) fn add(&mut self, parts: &Parts, met: Vec<ActiveContact>) {
         let is_dragged = |contact: &ActiveContact| contact.mode == ContactMode::Dragged;
         let is_new = |contact: &ActiveContact| is_dragged(contact) || !self.holds(contact.vertex);

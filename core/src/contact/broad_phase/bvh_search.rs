@@ -3,7 +3,7 @@
 //! The caller gives every node a box; a pair is met when the boxes of its primitives, which join those of their nodes,
 //! overlap. With boxes around points this finds what is close; with boxes around paths, what may have met.
 //!
-//! Every pair is found on one rank, that of its smallest node. On many ranks a search has three steps: `fit`, after which
+//! Every pair is found on one rank, that of its smallest node. On many ranks a search has three steps: `refit`, after which
 //! `import_ghosts` lets the triangles of other ranks in, whose nodes are ghosts then, and `refit_ghosts` when these have their values.
 
 use rayon::prelude::*;

@@ -72,8 +72,8 @@ fn triangles_to_export(ranks: &Ranks, faces: &Faces, tree: &Bvh, boxes: &[Aabb])
 /// Sends this rank's triangles where they have something to meet; returns those that come. All ranks call it together.
 pub(crate) fn exchange_ghosts(nodes: &ContactNodes, faces: &Faces, tree: &Bvh, boxes: &[Aabb]) -> Vec<GhostTriangle> {
     let lists = triangles_to_export(nodes.ranks(), faces, tree, boxes);
-    let tell = |t: &u32| GhostTriangle::of(nodes, faces, *t);
-    let visits = lists.iter().map(|list| list.iter().map(tell).collect()).collect();
+    let row = |t: &u32| GhostTriangle::of(nodes, faces, *t);
+    let visits = lists.iter().map(|list| list.iter().map(row).collect()).collect();
     nodes.ranks().all_to_all_v(visits).into_iter().flatten().collect()
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn exchange_ghosts_with_positions(
 ) -> Vec<PlacedGhostTriangle> {
     let (nodes, faces) = (surface.nodes(), surface.cloth());
     let lists = triangles_to_export(nodes.ranks(), faces, tree, boxes);
-    let tell = |t: &u32| {
+    let row = |t: &u32| {
         let corners = faces.triangles()[*t as usize].map(|node| node as usize);
         let has_moved = |k: usize| moved.is_none_or(|moved| moved[corners[k]] != 0);
         PlacedGhostTriangle {
@@ -97,11 +97,11 @@ pub(crate) fn exchange_ghosts_with_positions(
             x: corners.map(|corner| x[corner]),
         }
     };
-    let visits = lists.iter().map(|list| list.iter().map(tell).collect()).collect();
+    let visits = lists.iter().map(|list| list.iter().map(row).collect()).collect();
     nodes.ranks().all_to_all_v(visits).into_iter().flatten().collect()
 }
 
-/// Visitors at their places, numbered by themselves: three nodes for each.
+/// Ghost triangles with the positions of their nodes, in a numbering of their own: three nodes for each.
 #[derive(Debug)]
 pub(crate) struct GhostTriangles {
     /// Their corners, and what they carry.

@@ -151,7 +151,7 @@ impl ProximityList {
         self.predicted.as_ref().map(|predicted| predicted.duration)
     }
 
-    /// Goes on without a list, after one with this reach and so many pairs per vertex.
+    /// Drops the list, after one with this reach and this number of pairs per vertex.
     pub(crate) fn forget(&mut self, skin: f64, density: f64) {
         (self.reference, self.predicted, self.skin, self.density) = (None, None, skin, density);
         self.lists = Default::default();

@@ -37,7 +37,7 @@ const LASTING: f64 = 4.0;
 /// Pairs per vertex that it is to have at most: two layers that lie flat on each other have a third of it.
 const CROWDED: f64 = 40.0;
 
-/// Memory of a list over so many vertices where layers lie on each other [bytes].
+/// Memory of a list over `vertices` vertices where layers lie on each other [bytes].
 pub(crate) fn bytes_in_heap(vertices: usize) -> usize {
     vertices * CROWDED as usize * size_of::<KeptPair>()
 }
@@ -61,7 +61,7 @@ pub(crate) fn predicted_after(reach: f64, left: f64, least: f64) -> f64 {
     (reach * factor).clamp(least, LARGEST_PREDICTED)
 }
 
-/// Reach of a list that is to last, after one of this reach with so many pairs per vertex. Between layers that lie on each other
+/// Reach of a list that is to last, after one of this reach with `density` pairs per vertex. Between layers that lie on each other
 /// the number of pairs grows with the square of the reach, and in heaps faster.
 pub(crate) fn lasting(reach: f64, density: f64) -> f64 {
     let crowded = reach * (CROWDED / density).sqrt();

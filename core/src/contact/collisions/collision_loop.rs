@@ -30,10 +30,10 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 use crate::metrics::Metrics;
 
-/// Attempts with impulses that are added where the usual ones did not do.
+/// Attempts with impulses that are added where the usual ones failed.
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
 
-/// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
+/// A collision step is hard if more than one vertex in this number is left to impact zones: small zones cost less than
 /// the shorter steps that avoid them (`docs/dev/decisions/0037-heaps.md`).
 const HARD_SHARE: u64 = 5;
 
@@ -44,7 +44,7 @@ const OPENING_RATE: f64 = 1.0;
 /// around it.
 pub(crate) const MARGIN: f64 = 0.02;
 
-/// One node in so many at most has left its reach where the paths of these nodes alone are searched.
+/// Number of nodes of which at most one has left its reach where the paths of these nodes alone are searched.
 const SEARCHED_ALONE: u64 = 8;
 
 /// Pairs that one task looks at.

@@ -45,7 +45,7 @@ pub(super) struct ZoneAnswer {
 codec!(struct ZoneAnswer { place, fails, moves, displacements });
 
 impl ZoneAnswer {
-    /// The report of a broken one says.
+    /// Name of the message in the error of a damaged one.
     pub(super) const NAME: &str = "what came out of open zones";
 
     /// Returns the part of a solution that is sent.

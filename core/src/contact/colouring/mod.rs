@@ -27,8 +27,8 @@ pub(crate) const NO_COLOUR: u32 = u32::MAX;
 /// Colours of a batch: bits of a mask.
 const BATCH: u32 = u128::BITS;
 
-/// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
-/// are in one class, and so few that neighbours in memory are still met one soon after the other. First those of pairs
+/// Classes of the order: pairs go class by class, those of a class by their nodes. Many enough that few pairs of one node
+/// are in one class, and few enough that neighbours in memory are still met one soon after the other. First those of pairs
 /// between parts, then those of pairs within a part.
 const CLASSES: usize = 2 * WITHIN;
 
@@ -140,7 +140,7 @@ struct UsedColours {
 }
 
 impl UsedColours {
-    /// None at so many nodes.
+    /// No colour at any of `nodes` nodes.
     fn new(nodes: usize) -> Self {
         Self { batches: 1, masks: vec![0; nodes] }
     }
@@ -276,7 +276,7 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
         let mut changed = wait_lists.nodes();
         let mut round = 0;
         loop {
-            let mut looked_at = self.tell(&wait_lists, &changed, &mut others);
+            let mut looked_at = self.send_to_ghosts(&wait_lists, &changed, &mut others);
             if wait_lists.is_empty() {
                 break;
             }
@@ -375,9 +375,9 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
         is_announced
     }
 
-    /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
+    /// Sends the ghosts of own nodes that have `changed` the first pairs there and the colours taken; returns nodes of
     /// which something else is known now. Of `others`, the ranks that are still in the rounds, those that leave are taken out.
-    fn tell(&mut self, wait_lists: &WaitLists, changed: &[u32], others: &mut Vec<usize>) -> Vec<u32> {
+    fn send_to_ghosts(&mut self, wait_lists: &WaitLists, changed: &[u32], others: &mut Vec<usize>) -> Vec<u32> {
         let (nodes, cloth) = (self.nodes, self.nodes.cloth());
         let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(self.node(*node))).collect();
         if others.is_empty() {

@@ -2,7 +2,7 @@
 //!
 //! Gauss-Seidel passes go through the colours one after the other and through the pairs of a colour in any order, hence
 //! in parallel. The colours depend on the pairs and on the scene's numbers of their nodes alone (`colouring`), so the
-//! result has the same bits whoever does the work.
+//! result has the same bits on any number of threads and ranks.
 
 use std::ops::Range;
 
@@ -33,7 +33,7 @@ impl Order {
         })
     }
 
-    /// Reorders pairs by their colours, of which there are so many.
+    /// Reorders pairs by their `count` colours.
     fn by_colour<T: Copy>(pairs: &mut [T], colours: &[u32], count: usize) -> Self {
         let place_of = |colour: u32| if colour == NO_COLOUR { count } else { colour as usize };
         let mut starts = vec![0usize; count + 2];
@@ -50,7 +50,7 @@ impl Order {
         Self { colours: (0..count).map(|colour| starts[colour]..starts[colour + 1]).collect() }
     }
 
-    /// The order of the pairs that `keep` names by their place, counted anew.
+    /// The order of the pairs that `kept` names by their place, counted anew.
     pub(crate) fn restricted(&self, kept: &[u32]) -> Self {
         let place = |end: usize| kept.partition_point(|&pair| (pair as usize) < end);
         Self { colours: self.colours.iter().map(|range| place(range.start)..place(range.end)).collect() }

@@ -107,7 +107,7 @@ fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
     let mut random = SplitMix64::new(72);
     let pairs = random_pairs(&mut random, 2500, 30, 0);
     let most = check(&mut random, pairs, 30, 0);
-    assert!(most > BATCH as usize, "so many pairs of so few nodes need a second batch, not {most} colours");
+    assert!(most > BATCH as usize, "many pairs of few nodes need a second batch, not {most} colours");
 }
 
 #[test]

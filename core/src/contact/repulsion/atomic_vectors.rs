@@ -12,7 +12,7 @@ use crate::Vec3;
 pub(crate) struct AtomicVectors(Vec<[AtomicU64; 3]>);
 
 impl AtomicVectors {
-    /// So many zeros.
+    /// `count` zeros.
     pub(crate) fn new(count: usize) -> Self {
         Self((0..count).map(|_| Default::default()).collect())
     }

@@ -49,7 +49,7 @@ struct Interval {
 codec!(struct Interval { place, from, until });
 
 impl Interval {
-    /// The report of a broken message says.
+    /// Name of the message in the error of a damaged one.
     const NAME: &str = "intervals of velocities";
 }
 
@@ -197,7 +197,7 @@ impl HaloExchange {
 }
 
 impl Interval {
-    /// Makes sure that an interval to this rank names one of `count` ghosts, and a time between two of so many colours.
+    /// Makes sure that an interval to this rank names one of `count` ghosts, and a time between two of `colours` colours.
     fn check(&self, rank: usize, count: usize, colours: usize) {
         message::index(rank, Self::NAME, self.place, count);
         let until = message::index(rank, Self::NAME, self.until, colours);

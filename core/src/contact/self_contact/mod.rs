@@ -91,7 +91,7 @@ pub(crate) struct SelfContact {
     paths: NodePaths,
     /// Whether some rank has vertices that no triangle has.
     has_isolated: bool,
-    /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
+    /// Positions and velocities of the nodes of cloth in B.2 and B.8, and at a stage of a long step.
     cloth: [Vec<Vec3>; 2],
     /// Displacements of all nodes since the collision-free state at a stage of a long step [m].
     displacements: Vec<Vec3>,
@@ -188,10 +188,11 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>())
-            + size_of_val(self.constraints.as_slice());
+        let vectors = 2 * self.surface.node_count() + 2 * self.cloth[0].len() + self.displacements.len();
+        let nodes = self.surface.node_count() * size_of::<f64>() + size_of_val(self.constraints.as_slice());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
-        self.surface.bytes() + self.search.bytes() + self.proximity.bytes() + repulsions + nodes
+        let search = self.search.bytes() + self.proximity.bytes();
+        self.surface.bytes() + search + repulsions + nodes + vectors * size_of::<Vec3>()
     }
 
     /// Memory that the proximity list takes where layers lie on each other [bytes].

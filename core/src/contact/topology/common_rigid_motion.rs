@@ -18,7 +18,7 @@ const STRIDE: usize = 4;
 /// reference, row by row.
 const TERMS: usize = 12;
 
-/// The nodes that stand for all: every fourth of each block of sums and of the bodies' points, whoever has them. Sums over
+/// The nodes that stand for all: every fourth of each block of sums and of the bodies' points, on any rank. Sums over
 /// them have the same bits on any number of ranks.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
@@ -97,7 +97,7 @@ impl RigidFit {
         centres: [Vec3::new(0.0, 0.0, 0.0); 2],
     };
 
-    /// The rigid motion with these sums over the points (Kabsch 1976), which were so many and had this centre.
+    /// The rigid motion with these sums over the points (Kabsch 1976), with the number of these and their centre.
     fn of(sums: &[f64; TERMS], (count, centre): (f64, Vec3)) -> Self {
         // The places in the reference add up to zero, so it does not matter what those to which they move are relative to.
         let covariance = Matrix3::from_row_slice(&sums[3..]);

@@ -30,7 +30,8 @@ pub(crate) struct Faces {
 pub(crate) type Sides = Vec<([u32; 2], u32)>;
 
 impl Faces {
-    /// Triangles in an order that decides what hangs where; `is_home` tells whether a node belongs to this rank.
+    /// Triangles in an order that decides what hangs where; `is_canonical` tells whether pairs with this smallest
+    /// node are found on this rank.
     pub(crate) fn new(triangles: Vec<[u32; 3]>, is_canonical: impl Fn(u32) -> bool) -> (Self, Sides) {
         let each = || triangles.iter().zip(0u32..);
         let mut points: Vec<(u32, u32)> = each().flat_map(|(corners, t)| corners.map(|node| (node, t))).collect();

@@ -1,5 +1,5 @@
 //! The order of a garment's vertices: recursive bisection of the rest positions along the longest side of their bounds, ties by
-//! vertex number, whoever has which positions.
+//! vertex number, on any distribution of the positions over ranks.
 //!
 //! Sizes of the halves depend on the number of vertices alone, so each rank knows which places of the order will be
 //! its own before anything is compared. Pieces that lie across a border of ranks are halved where their vertices are:
@@ -141,7 +141,7 @@ fn key(row: &PlacedVertex, axis: usize) -> u128 {
     u128::from(coordinate) << u32::BITS | u128::from(row.vertex)
 }
 
-/// For each list, of which every rank has some keys, the key that so many others are smaller than.
+/// For each list, of which every rank has some keys, the key with `below` smaller ones.
 fn smallest(ranks: &Ranks, mut lists: Vec<Vec<u128>>, mut below: Vec<u64>) -> Vec<u128> {
     let mut found = vec![0; lists.len()];
     for shift in (0..KEY / DIGIT).rev().map(|digit| digit * DIGIT) {

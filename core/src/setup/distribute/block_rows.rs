@@ -12,7 +12,7 @@ use crate::parallel::ranks::Ranks;
 /// Rows of a message: few enough for rank 0 to hold, enough for messages to be few.
 pub(crate) const PIECE: usize = 8192;
 
-/// Even shares of so many rows, one for each rank.
+/// Even shares of a number of rows, one for each rank.
 #[derive(Debug, Clone)]
 pub(crate) struct BlockDistribution {
     /// First row of every rank, and the number of all at the end.

@@ -96,7 +96,7 @@ impl<'a> Star<'a> {
     }
 }
 
-/// Widens what [`one_ring`] has found by the triangles beyond its edges, so many times. All ranks call it together.
+/// Widens what [`one_ring`] has found by the triangles beyond its edges, `times` times. All ranks call it together.
 pub(crate) fn grow(
     ranks: &Ranks,
     near: Vec<Triangle>,

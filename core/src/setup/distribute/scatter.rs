@@ -433,7 +433,7 @@ fn touches(description: &SceneDescription) -> bool {
     specs.any(|spec| spec.needs.contains(&Need::ClothSurface))
 }
 
-/// Values of own vertices among those of the others, of which so many come before.
+/// Values of own vertices among those of the others, of which `below` come before.
 fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
     if far.is_empty() {
         return own;

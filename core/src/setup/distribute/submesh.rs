@@ -57,7 +57,7 @@ pub(crate) fn halo_width(description: &SceneDescription, garment: usize) -> usiz
 }
 
 impl SubMesh {
-    /// The report of a broken one says.
+    /// Name of the message in the error of a damaged one.
     const NAME: &str = "cloth that moves to another rank";
 
     /// Makes sure that a piece which came to a rank is whole.

@@ -4,7 +4,8 @@
 //! triangles by a share of their size that nobody sees, before anything is derived from the mesh: the borders then lie side by
 //! side, and contact keeps them there. Layers that lie on each other as a whole have no such way apart and stay as they are.
 //!
-//! Vertices meet on a rank that their place says, whatever their numbers; whoever has their triangles tells what these ask for.
+//! Vertices are compared on a rank that follows from their position, whatever their numbers; the rank of their triangles sends the
+//! directions into these.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -158,8 +158,8 @@ fn lives(ranks: &Ranks, blocks: &BlockDistribution, triangles: &[Triangle]) -> V
     lives
 }
 
-/// Returns on rank 0 the warning about faces without area that single precision may have taken it: how far from the origin the farthest of them is
-/// on each rank [m], and how far apart numbers are there.
+/// Returns on rank 0 the warning about faces without area that single precision may have taken it: how far from the origin the
+/// farthest of them is on each rank [m], and how far apart numbers are there.
 fn coarseness_warning(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> {
     let [far, apart] = ranks.max_of(farthest);
     (far > 0.0 && ranks.is_first()).then(|| {

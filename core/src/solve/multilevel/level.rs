@@ -180,7 +180,7 @@ impl Level {
         }
     }
 
-    /// Adds corrections of the aggregates, so many times.
+    /// Adds corrections of the aggregates, times `factor`.
     pub(super) fn correct(&mut self, coarser: &[Simd4], factor: f64) {
         for (correction, ends) in coarser.iter().zip(self.ends.windows(2)) {
             self.x[ends[0] as usize..ends[1] as usize].iter_mut().for_each(|x| *x += *correction * factor);

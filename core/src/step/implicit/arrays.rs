@@ -93,6 +93,7 @@ impl StageArrays {
         let vectors = 5 * self.x.len() + 5 * self.f.len();
         vectors * size_of::<Vec3>()
             + self.pairs.capacity() * size_of::<PairForce>()
+            + self.slots.bytes()
             + self.matrix.bytes()
             + self.cg.bytes()
     }

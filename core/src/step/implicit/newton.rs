@@ -134,7 +134,7 @@ impl StageSolver<'_> {
             };
             total.solves += outcome.solves;
             total.iterations += outcome.iterations;
-            // What a round has left is the next one's.
+            // The next round solves for the rest.
             total.converged = outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
@@ -150,7 +150,7 @@ impl StageSolver<'_> {
                 break;
             }
             let mut moved = self.parts_moved(CONVERGED * at.stop.tolerance, true);
-            // A solve that has ended at its limit is gone on with.
+            // A solve that has ended at its limit of iterations is continued.
             let is_short = !outcome.converged && outcome.finite && !outcome.worse;
             if is_short {
                 moved.iter_mut().zip(&self.arrays.worked_on).for_each(|(moved, worked_on)| *moved |= worked_on);

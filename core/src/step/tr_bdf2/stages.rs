@@ -12,8 +12,8 @@ fn trapezoid(dt: f64) -> StageEquation {
     StageEquation {
         fraction: GAMMA,
         weight: ALPHA * dt,
-        // A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
-        // alone, for all of its length.
+        // Half of the pairs' forces at the start would accelerate nodes whose pair opens, so each stage has the forces of its end alone,
+        // for all of its length.
         share_of_pairs: 2.0,
         feels_start: true,
         may_restart: true,

@@ -248,7 +248,7 @@ impl AlembicWriter {
         Ok(Declared { mesh, sampling, origin: self.origin, crossings: None, values: Vec::new() })
     }
 
-    /// Declares everything that a file of this plan with so many samples has.
+    /// Declares everything that a file of this plan with this number of samples has.
     fn declare_again(
         &self,
         archive: &mut ArchiveWriter,

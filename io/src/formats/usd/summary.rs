@@ -16,26 +16,26 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     let stage = Stage::open(path)?;
     let about = stage.about();
     let mut properties = Vec::new();
-    let mut tell = |name: &str, value: String| properties.push((name.to_owned(), value));
+    let mut add = |name: &str, value: String| properties.push((name.to_owned(), value));
     let or_default =
         |said: Option<String>, default: &str| said.unwrap_or_else(|| format!("not stated; USD's default is {default}"));
-    tell("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
-    tell("upAxis", or_default(about.up_axis.clone(), "Y"));
-    tell("timeCodesPerSecond", about.codes_per_second.to_string());
-    tell("framesPerSecond", or_default(about.frames_per_second.map(|rate| rate.to_string()), "24"));
+    add("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
+    add("upAxis", or_default(about.up_axis.clone(), "Y"));
+    add("timeCodesPerSecond", about.codes_per_second.to_string());
+    add("framesPerSecond", or_default(about.frames_per_second.map(|rate| rate.to_string()), "24"));
     let range = about.range.map(|[first, last]| format!("{first} to {last}"));
-    tell("time codes", range.unwrap_or_else(|| "not stated".to_owned()));
-    tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not stated".to_owned()));
-    tell("layers", about.layers.len().to_string());
+    add("time codes", range.unwrap_or_else(|| "not stated".to_owned()));
+    add("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not stated".to_owned()));
+    add("layers", about.layers.len().to_string());
     let own = path.canonicalize().ok();
     let folder = own.as_deref().and_then(Path::parent);
     let whole = |layer: &PathBuf| layer.canonicalize().unwrap_or_else(|_| layer.clone());
     let outside = |layer: &PathBuf| folder.is_some_and(|folder| !layer.starts_with(folder));
     for layer in about.layers.iter().map(whole).filter(outside) {
-        tell("layer outside of its folder", layer.display().to_string());
+        add("layer outside of its folder", layer.display().to_string());
     }
     for (_, flaw) in &about.flaws {
-        tell("broken", format!("{}: {}", flaw.place, flaw.what));
+        add("broken", format!("{}: {}", flaw.place, flaw.what));
     }
     let mut meshes = Vec::new();
     for (place, entry) in about.meshes.iter().enumerate() {

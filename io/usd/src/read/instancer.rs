@@ -89,7 +89,7 @@ impl Instances {
         Ok(may)
     }
 
-    /// From the space of the mesh to the world, for each place, of a mesh with so many points.
+    /// From the space of the mesh to the world, for each place, of a mesh with this number of points.
     pub(crate) fn at(&self, reading: &Reading, code: f64, points: usize) -> Result<Vec<Matrix>, UsdError> {
         let list = |query: &AttributeQuery| reading.value_at(query, code);
         let whole = |query: &AttributeQuery| Ok::<_, UsdError>(list(query)?.as_ref().and_then(all_integers));

@@ -255,12 +255,12 @@ impl Stage {
     /// The file is missing or damaged, or it or a layer that it needs promises more than it holds. What is missing below single
     /// prims is in [`About::flaws`].
     pub fn open(path: &Path) -> Result<Self, UsdError> {
-        let (tell, answers) = std::sync::mpsc::channel();
+        let (sender, answers) = std::sync::mpsc::channel();
         let file = path.to_owned();
         let make = move || {
             let (session, about) = Session::open(&file).map_err(Failure)?;
-            // Whoever opens it waits for this.
-            drop(tell.send(about));
+            // Opening waits for this.
+            drop(sender.send(about));
             Ok(session)
         };
         let worker = Worker::start(make).map_err(|Failure(error)| at(path, error))?;

@@ -76,7 +76,7 @@ impl Reading {
         for (name, kind) in attributes.iter().filter(|_| above.is_some()) {
             let attribute = prim.attribute(*name);
             if self.ok(attribute.property_stack(), prim)?.is_empty() {
-                // What cannot be declared, below an instance, is then missed by whoever needs it.
+                // A value that cannot be declared, below an instance, is missed later, where it is needed.
                 let _ = self.stage.create_attribute(attribute.path().clone(), *kind);
             }
         }

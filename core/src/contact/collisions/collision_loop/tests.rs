@@ -41,7 +41,7 @@ impl Outcome {
     }
 }
 
-/// Motion of a heap: so many times the way between its first two times, for one node in 16 another number of times.
+/// Motion of a heap: a multiple of the way between its first two times, for one node in 16 another multiple.
 #[derive(Debug, Clone, Copy)]
 struct Moves {
     usual: f64,

@@ -26,7 +26,7 @@ const SWEEPS: usize = 2;
 /// ten thousand contacts in a heap three hundred.
 const MAX_PASSES: usize = 5000;
 
-/// The same for small zones: so many, and so many more for each contact. Those that need more hold contacts that nearly
+/// The same for small zones, with [`PASSES_A_CONTACT`] more for each contact. Zones that need more hold contacts that nearly
 /// contradict each other, and are sooner made rigid than solved (`docs/dev/decisions/0037-heaps.md`).
 const FEWEST_PASSES: usize = 200;
 

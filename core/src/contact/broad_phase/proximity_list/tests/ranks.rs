@@ -86,7 +86,7 @@ impl Heap {
         }
     }
 
-    /// First blocks of so many ranks, and the number of all; some ranks may have none.
+    /// First blocks of `ranks` ranks, and the number of all; some ranks may have none.
     pub(crate) fn cut(&self, random: &mut SplitMix64, ranks: usize) -> Vec<usize> {
         let count = self.blocks.len() - 1;
         let mut starts: Vec<usize> = (1..ranks).map(|_| below(random, count + 1)).collect();
