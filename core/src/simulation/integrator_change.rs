@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::frame_cost::{COUNTS, Counts, SceneSizes, counts_of};
-use super::numbers::RebuildError;
+use super::rebuild_error::RebuildError;
 use super::recovery::RetryState;
 use crate::contact::self_contact::SelfContact;
 use crate::error::StepError;

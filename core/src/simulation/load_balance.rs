@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::Simulation;
-use super::numbers::RebuildError;
+use super::rebuild_error::RebuildError;
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};

@@ -42,6 +42,7 @@ mod overstretched;
 mod pins_in_bodies;
 #[cfg(test)]
 mod planted_errors;
+mod rebuild_error;
 mod recovery;
 mod start;
 mod start_state;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::checkpoint::Room;
+use super::rebuild_error::RebuildError;
 use super::{FrameInput, Simulation};
 use crate::contact::bodies::Samples;
 use crate::effects::registry::{build_each, build_one};
@@ -71,24 +72,6 @@ fn telling_frames(curve: &NumberCurve) -> Vec<i64> {
     frames.sort_unstable();
     frames.dedup();
     frames
-}
-
-/// Failure to build a simulation again.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum RebuildError {
-    /// The new form of the scene is refused; the simulation is as it was.
-    Refused(SnapshotError),
-    /// The simulation is in parts, and may not be used any more.
-    Broken(SnapshotError),
-}
-
-impl RebuildError {
-    /// The error without its consequence.
-    pub(super) fn into_error(self) -> SnapshotError {
-        match self {
-            Self::Refused(error) | Self::Broken(error) => error,
-        }
-    }
 }
 
 /// Error of the scene in the words of a snapshot.
