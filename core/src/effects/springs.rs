@@ -242,9 +242,9 @@ fn stiffness_of(element: &SpringElement, stiffness: Stiffness, painted: Option<&
     }
 }
 
-/// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.
+/// Length at this place in the ascending order of all ranks' lengths [m].
 pub(super) fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
-    // Positive numbers are in the order of their bits; so many halvings end at a single one.
+    // Positive numbers are in the order of their bits; at most 64 halvings end at a single one.
     let (mut low, mut high) = (0, f64::INFINITY.to_bits());
     while low < high {
         let middle = low.midpoint(high);

@@ -188,7 +188,7 @@ mod tests {
 
     use super::*;
 
-    /// A cylinder along z of quads, so many around and of this height each.
+    /// A cylinder along z of quads of this height, with a number of them around.
     fn cylinder(radius: f64, around: u32, rows: u32, height: f64) -> PolygonMesh {
         let at = |k: u32| {
             let angle = 2.0 * PI * f64::from(k % around) / f64::from(around);

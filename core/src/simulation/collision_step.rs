@@ -116,7 +116,7 @@ impl Simulation {
         metrics.stage(stage, |m| contacts.resolve_collisions(end, &prescribed.bodies, scene.parts(), m))
     }
 
-    /// Shows the cloth after A or C to whoever looks.
+    /// Shows the cloth after A or C to the observer.
     fn show(&mut self, line: &'static str) {
         let Self { observer: Some(observer), scene, cloth, .. } = self else { return };
         let State { x, v, time, .. } = &cloth.state;

@@ -26,7 +26,7 @@ use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
 /// Stages of a step that take time, as parts of a frame: a name, and the stages of the record that belong to it.
 pub const PARTS_OF_A_FRAME: [(&str, &[&str]); 4] = [
     ("solves", &["B.1 velocity", "B.5 velocity"]),
-    ("pairs", &["A neighbours", "B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion"]),
+    ("pairs", &["A neighbours", "B.2 self-repulsion", "B.8 self-repulsion"]),
     ("collisions", &["C collisions"]),
     ("bodies", &["bodies and pins", "B.4 body collision", "B.7 body friction"]),
 ];
@@ -165,7 +165,7 @@ impl CostModel<'_> {
         StepLimit::new(parts, self.scene.masses(), self.forces, &solver, description.timeline.frame_duration())
     }
 
-    /// Solves and iterations of so many long steps.
+    /// Solves and iterations of a number of long steps.
     fn long_solves(&self, steps: f64, in_contact: bool) -> [f64; 2] {
         let frame = self.scene.description().timeline.frame_duration();
         let stiffness = libm::pow((frame / steps / self.spring_step()).max(1.0), STIFFNESS_POWER);
@@ -179,7 +179,7 @@ impl CostModel<'_> {
         [solves, solves * CONTACT_ITERATIONS * stiffness]
     }
 
-    /// Solves and iterations of so many short steps.
+    /// Solves and iterations of a number of short steps.
     fn short_solves(&self, steps: f64) -> [f64; 2] {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
@@ -217,13 +217,13 @@ impl CostModel<'_> {
 }
 
 impl SceneSizes {
-    /// Nanoseconds of so many solves and iterations of the implicit step.
+    /// Nanoseconds of solves and iterations of the implicit step.
     fn of_long_solves(&self, [solves, iterations]: [f64; 2], repels: bool) -> f64 {
         let of_solve = BLOCK_SOLVE + if repels { self.surfaces * SURFACE_PAIRS } else { 0.0 };
         self.vertices * (solves * of_solve + iterations * BLOCK_ITERATION)
     }
 
-    /// Nanoseconds of so many solves and iterations of the semi-implicit step, with forces that take these for an update and for a
+    /// Nanoseconds of solves and iterations of the semi-implicit step, with forces that take these for an update and for a
     /// product.
     fn of_short_solves(&self, [solves, iterations]: [f64; 2], [update, product]: [f64; 2]) -> f64 {
         let vectors = self.vertices * (solves * DAMPING_SOLVE + iterations * DAMPING_ITERATION);

@@ -61,7 +61,7 @@ const MORE_ITERATIONS: usize = 10;
 /// Vertices that an event names.
 const NAMED: usize = 8;
 
-/// The report of a broken message about them says.
+/// Name of the message about them, for the report of a broken one.
 const VERTEX_NAMES: &str = "names of vertices";
 
 /// Events of a frame that are kept with their names; all are counted.
@@ -127,7 +127,7 @@ impl RetryLevel {
 const RECOVERY_COUNTS: [&str; 6] =
     ["retried_shorter", "retried_tighter", "retried_more_attempts", "retried_zones", "retried_thinner", "retried_held"];
 
-/// A level that was taken, for whoever looks after the run.
+/// A level that was taken, for the summary of the frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recovery {
     /// Frame that is being computed.
@@ -402,13 +402,13 @@ impl Simulation {
             retry.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
         }
         if let Some(contact) = &mut contacts.cloth {
-            let effort = match level {
+            let strategy = match level {
                 RetryLevel::Shorter | RetryLevel::Tighter => Strategy::Usual,
                 RetryLevel::MoreAttempts => Strategy::MoreAttempts,
                 RetryLevel::Zones | RetryLevel::Thinner | RetryLevel::Held => Strategy::Zones,
             };
             let is_thin = level as usize >= RetryLevel::Thinner as usize;
-            contact.set_strategy(effort, if is_thin { retry.concerned.clone() } else { Vec::new() });
+            contact.set_strategy(strategy, if is_thin { retry.concerned.clone() } else { Vec::new() });
         }
     }
 
