@@ -69,6 +69,7 @@ fn with_patches(layers: [Option<u32>; 2]) -> SceneDescription {
     let weight = 0.2 * 0.04 * 0.04 * GRAVITY / 25.0;
     let hold = PinHold::Spring { stiffness: weight / 0.02, damping_ratio: 0.0, break_force: Some(0.5 * weight) };
     add("hung", 6.0, [(0..25).collect(), Vec::new()], hold);
+    description.effects.push(EffectRequest::of_scene("attachments"));
     description
 }
 

@@ -405,7 +405,6 @@ fn friction_painted_on_cloth_holds_on_edges_and_faces_of_a_body_too() {
     for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
         let [rough, smooth] = [0.6, 0.15].map(|friction| slid_down_a_box(friction, None, integrator));
         let painted = slid_down_a_box(0.6, Some(0.25), integrator);
-        println!("{integrator:?} {rough} {smooth} {painted}");
         assert!((painted - smooth).abs() < 1e-3 * (smooth - rough), "{integrator:?}: {painted} for {smooth}");
     }
 }

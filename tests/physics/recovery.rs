@@ -40,22 +40,14 @@ fn steps_far_too_long_are_tried_again_with_shorter_ones_and_counted() {
 
 #[test]
 fn a_rate_of_strain_that_grows_between_collisions_is_tried_again_before_steps_become_too_short() {
-    for min_dt in [1e-5, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7, 1e-8] {
-        let mut description = reckless(8);
-        for effect in ["self_repulsion", "self_collision"] {
-            description.effects.push(EffectRequest::of_scene(effect));
-        }
-        description.solver.min_dt = min_dt;
-        let mut simulation = start(description);
-        let mut retried = 0;
-        for frame in 1..=12 {
-            match simulation.advance(&FrameInput::to_frame(frame)) {
-                Ok(summary) => retried += summary.metrics.counted("retried_shorter"),
-                Err(error) => { println!("{min_dt} {error}"); break; }
-            }
-        }
-        println!("{min_dt} {retried}");
+    let mut description = reckless(8);
+    for effect in ["self_repulsion", "self_collision"] {
+        description.effects.push(EffectRequest::of_scene(effect));
     }
+    description.solver.min_dt = 1e-5;
+    let mut simulation = start(description);
+    let retried: u64 = (0..12).map(|_| run(&mut simulation, 1).metrics.counted("retried_shorter")).sum();
+    assert!(retried > 0);
 }
 
 #[test]
