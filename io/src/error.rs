@@ -187,6 +187,18 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// An output would replace a file of another kind, which Drapery has not written.
+    #[error(
+        "{}: this file exists already and is no {kind} of Drapery\n  \
+         help: give another name, or move this file away",
+        path.display()
+    )]
+    OutputIsForeign {
+        /// The file.
+        path: PathBuf,
+        /// Kind of the output, as in "page".
+        kind: &'static str,
+    },
     /// A cache would replace a file that the shot reads.
     #[error(
         "{}: this file is an input of the shot; writing the cache would destroy it\n  \
@@ -273,7 +285,7 @@ impl IoError {
             Self::Create { source, .. } if platform::is_out_of_files(source) => IoErrorKind::Io,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
             Self::OutputNotUtf8 { .. } | Self::OutputNotAFile { .. } => IoErrorKind::CannotCreate,
-            Self::FileExists { .. } => IoErrorKind::CannotCreate,
+            Self::FileExists { .. } | Self::OutputIsForeign { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } | Self::OutputChanged { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,

@@ -84,15 +84,22 @@ impl Comparison {
         Self { runs, figures, settings }
     }
 
-    /// Writes the page, and the table as CSV beside it; returns the two paths.
+    /// Writes the page, and the table as CSV beside it; returns the two paths. The name is the page's, or the table's if it ends in `.csv`.
     ///
     /// # Errors
-    /// A file cannot be written.
-    pub fn write(&self, page: &Path) -> Result<[PathBuf; 2], IoError> {
-        let table = page.with_extension("csv");
+    /// A file is there that is no page or table of Drapery, or cannot be written.
+    pub fn write(&self, name: &Path) -> Result<[PathBuf; 2], IoError> {
+        let is_table = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
+        let (page, table) = if is_table {
+            (name.with_extension("html"), name.to_owned())
+        } else {
+            (name.to_owned(), name.with_extension("csv"))
+        };
+        crate::page::check(&page)?;
+        atomic_file::check_own(&table, "table", csv::is_table)?;
         atomic_file::replace(&table, csv::csv(&self.runs, &self.figures, &self.settings).as_bytes())?;
-        atomic_file::replace(page, self.page(page.parent().unwrap_or(Path::new(""))).as_bytes())?;
-        Ok([page.to_owned(), table])
+        crate::page::write(&page, &self.page(page.parent().unwrap_or(Path::new(""))))?;
+        Ok([page, table])
     }
 
     /// The table of figures, as text.
