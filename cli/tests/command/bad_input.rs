@@ -97,8 +97,7 @@ fn meshes_that_cannot_be_simulated() {
 
 #[test]
 fn elements_that_take_no_part_are_warnings_of_check_and_of_run() {
-    let cases: [(&str, &str, &str); 5] = [
-        ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", "it has no faces"),
+    let cases: [(&str, &str, &str); 4] = [
         ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), "faces 1 have no area"),
         ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), "faces 1 duplicate other faces"),
         ("isolated", &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")), "vertices 0 belong to no face"),
@@ -321,4 +320,45 @@ fn all_unknown_keys_of_a_scene_are_named_in_one_go() {
     expected.insert(4, "`thickness` in `garment.0.stretch`");
     assert_eq!(named, expected, "{}", check.stderr);
     assert_eq!(check.stderr.matches("did you mean").count(), 6, "{}", check.stderr);
+}
+
+#[test]
+fn a_garment_without_faces_is_refused_as_a_body_is() {
+    let points: String = SKIRT.lines().filter(|line| line.starts_with('v')).map(|line| format!("{line}\n")).collect();
+    refused(with_files(BODY, &points).path(), 65, &["scene.toml:", "garment \"skirt\" has no faces", "polygons"]);
+}
+
+#[test]
+fn a_loose_point_far_away_is_named_with_its_number() {
+    let far = SKIRT.replace("f 1 4 3 2", "v 5000000 0 0\nf 1 4 3 2");
+    let folder = with_files(BODY, &far);
+    let check = drapery(folder.path(), &["check", "scene.toml"]);
+    println!("{:?}{}{}", check.code, check.stdout, check.stderr);
+    assert!(check.stderr.contains("vertices 4 "), "{}", check.stderr);
+}
+
+#[test]
+fn a_pin_that_would_end_after_the_shot_is_told() {
+    let pin = "[[garment.pin]]\nvertices = [0]\nuntil = 9.0\n[output]";
+    let folder = folder_with(&SHEET.replace("[output]", pin));
+    let check = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(check.code, Some(0), "{}", check.stderr);
+    assert!(check.stderr.contains("`until` is at 9 s, after the last frame"), "{}{}", check.stdout, check.stderr);
+}
+
+#[test]
+fn an_error_is_an_object_where_json_is_asked_for() {
+    let folder = folder_with(&SHEET.replace("friction", "fricton"));
+    for (arguments, code) in [
+        (&["check", "scene.toml", "--json"][..], 78),
+        (&["plan", "scene.toml", "--json"], 78),
+        (&["diff", "a.abc", "b.abc", "--json"], 66),
+    ] {
+        let outcome = drapery(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(code), "{arguments:?}: {}", outcome.stderr);
+        let object: serde_json::Value = serde_json::from_str(&outcome.stdout).unwrap_or_default();
+        assert_eq!(object["exit_code"], code, "{arguments:?}: {}", outcome.stdout);
+        let text = object["error"].as_str().unwrap_or_default();
+        assert!(text.contains(if code == 66 { "a.abc" } else { "fricton" }), "{text}");
+    }
 }

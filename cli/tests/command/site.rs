@@ -249,3 +249,19 @@ fn a_run_that_sigterm_stops_ends_by_it_only_if_that_is_asked_for() {
         assert!(!folder.path().join(out).join("lock.json").exists(), "the folder was given back");
     }
 }
+
+#[test]
+fn a_broken_material_file_is_named_behind_the_list_of_the_others() {
+    let folder = folder_with(SHEET);
+    write(folder.path(), "fabrics/a_broken.toml", "density = \n");
+    write(folder.path(), "fabrics/b_sound.toml", VELVET);
+    write(folder.path(), "fabrics/c_broken.toml", "densty = 1.0\n");
+    let list = |more: &[&str]| drapery(folder.path(), &[&["materials", "--materials", "fabrics"], more].concat());
+    let all = list(&[]);
+    assert!(all.stdout.contains("b_sound") && all.stdout.contains("silk_light"), "{}{}", all.stdout, all.stderr);
+    assert!(all.stderr.contains("a_broken.toml") && all.stderr.contains("c_broken.toml"), "{}", all.stderr);
+    assert_eq!(all.code, Some(78));
+    let one = list(&["b_sound"]);
+    assert_eq!((one.code, one.stderr.as_str()), (Some(0), ""));
+    assert!(list(&["c_broken"]).stderr.contains("c_broken.toml"));
+}

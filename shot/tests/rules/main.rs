@@ -236,7 +236,9 @@ fn an_up_axis_that_a_standing_body_or_gravity_contradicts_is_told_and_a_lying_bo
     let lying = [[-0.8, 0.0, 0.0], [0.8, 0.3, 1.7]];
     let crouching = [[-0.4, 0.0, -0.5], [0.4, 0.7, 0.5]];
     let lying_afar = [[-0.8, -0.15, 2.0], [0.8, 0.15, 3.7]];
-    for pose in [lying, crouching, lying_afar] {
+    // Ground with bumps, to one side of the origin, and a wide one.
+    let (floor, wide) = ([[-2.0, -0.05, 0.0], [2.0, 0.05, 4.0]], [[-5.0, -0.4, 0.0], [5.0, 0.4, 4.0]]);
+    for pose in [lying, crouching, lying_afar, floor, wide] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         hero(folder.path(), pose, 24.0, true);
         assert_eq!(warnings(folder.path(), &with(HERO)), [], "{pose:?}");
@@ -474,6 +476,7 @@ fn times_outside_the_shot_are_told_in_seconds() {
         &[
             (&pin("from = 1.5"), &["pin 0: it never holds: `from` is at 1.5 s, after the last frame", "0.0417 s"]),
             (&pin("until = 0"), &["it never holds: `until` is at 0 s, before"]),
+            (&pin("until = 7"), &["it never lets go: `until` is at 7 s, after the last frame"]),
             (&pin("from = 3"), &["write 0.0417 in `from` for frame 3"]),
             (&pin("path = [[2, [0, 0, 0]], [3, [0, 1, 0]]]"), &["nothing moves in the shot: `path` is at 2 s"]),
             (&pin("path = [[-2, [0, 0, 0]], [-1, [0, 0, 0]]]"), &["`path` is at -1 s, before"]),
@@ -488,7 +491,6 @@ fn times_outside_the_shot_are_told_in_seconds() {
         ],
         &[
             &pin("from = 0\nuntil = 0.04"),
-            &pin("until = 9"),
             &pin("path = [[9, [0, 0, 0]]]"),
             &pin("until = -0.2").replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 24 }"),
             &seam("start = 0\nclosed = 0\nopens = 0.02"),
