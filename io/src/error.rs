@@ -13,7 +13,7 @@ pub enum IoError {
     /// A file that is to be read does not exist.
     #[error(
         "{}: file not found\n  \
-         help: check the path; relative paths start at the scene file's folder",
+         help: check the path; relative paths start in a scene at its file's folder, on the command line at the present folder",
         path.display()
     )]
     Missing {
@@ -180,7 +180,7 @@ pub enum IoError {
     /// A file that is to be written is there already.
     #[error(
         "{}: this file exists already\n  \
-         help: choose another name, or replace it with --overwrite",
+         help: choose another name, or another folder with --out, or replace it with --overwrite",
         path.display()
     )]
     FileExists {

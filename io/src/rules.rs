@@ -180,7 +180,8 @@ pub static RULES: [Rule; 28] = [
     Rule {
         name: "idle_setting",
         finds: "settings that change nothing in this scene, because of another setting",
-        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, `rest` of a body without a pre-roll, and a \
+        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, `rest` of a body without a pre-roll, `rest_gap` and \
+                  `zip` of a seam with `keep_gap`, and a \
                   `[[contact]]` of a garment whose parts all have a `[[contact]]` of their own with the same object. Numbers that \
                   equal the default are ignored.",
         line: "gas = true",

@@ -17,3 +17,12 @@ fn a_key_that_the_integrator_of_one_run_does_not_have_is_named_before_anything_r
         assert!(!folder.path().join("w").exists());
     }
 }
+
+#[test]
+fn a_key_that_is_both_varied_and_set_is_named() {
+    let folder = folder_with(SHEET);
+    let vary = ["wedge", "scene.toml", "--vary", "resolution=4,5", "--set", "resolution=6", "--list"];
+    let refused = drapery(folder.path(), &vary);
+    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+    assert!(refused.stderr.contains("resolution: set with --set and varied with --vary"), "{}", refused.stderr);
+}

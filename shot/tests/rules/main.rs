@@ -442,16 +442,26 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
              [[contact]]\nbetween = [\"sheet\", \"ball\"]\nfriction = 0.3\n"
         ))
     };
+    let seam = |keys: &str| {
+        with(&format!(
+            "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
+             to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
+        ))
+    };
     rule(
         "idle_setting",
         standing,
         &[
+            (&seam("keep_gap = true\nrest_gap = 0.1"), &["seam 0: `rest_gap` changes nothing here", "keep_gap"]),
+            (&seam("keep_gap = true\nzip = true"), &["seam 0: `zip` changes nothing here", "keep_gap"]),
             (&halves("1e-6"), &["contact 2: it changes nothing here", "smaller parts"]),
             (&ball("ambient = 90000"), &["garment \"sheet\", pressure: `ambient` changes nothing here", "gas = true"]),
             (&held, &["body \"hero\": `rest` changes nothing here", "preroll"]),
         ],
         &[
             &halves("0.2"),
+            &seam("keep_gap = true\nzip = true\nstart = 0\nclosed = 0\nopens = 0.02"),
+            &seam("rest_gap = 0.1\nzip = true"),
             &ball("ambient = 90000\ngas = true"),
             &held.replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 2 }"),
         ],

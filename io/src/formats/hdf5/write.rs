@@ -12,6 +12,7 @@ use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, missing, remove, sync_name, too_short};
+use crate::hdf5_file;
 use crate::written_file;
 
 /// An HDF5 cache being written.
@@ -151,7 +152,7 @@ impl Hdf5Writer {
 fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
     let part = unfinished(path);
     // The library tells in words what the system refused; the usual reason is a full disk.
-    let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
+    let refused = |what: String| IoError::writing(&part, hdf5_file::refused(what));
     let data = plan.mesh.read()?;
     // The library does not say in a form for programs why it cannot create a file.
     File::create(&part).map_err(|e| IoError::creating(&part, e))?;
