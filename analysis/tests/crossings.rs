@@ -276,8 +276,7 @@ fn only_the_part_that_a_rule_names_passes_through_its_garment() {
         scene.contacts.push(ContactRule { ignore: true, ..ContactRule::new(between) });
         scene.effects.push(EffectRequest::of_scene("self_collision"));
         let shot = Shot::prepare(described(scene, [1, 2], &["abc"], Units::SI), None).unwrap();
-        let report =
-            shot.run(&RunOptions::new(folder.path().join("out")), &mut |_: &FrameReport<'_>| {}).unwrap();
+        let report = shot.run(&RunOptions::new(folder.path().join("out")), &mut |_: &FrameReport<'_>| {}).unwrap();
         let files: Vec<&Path> = report.files.iter().map(AsRef::as_ref).collect();
         let found = verify(&files, None).unwrap();
         let allowed = |text: &String| text.contains("as the scene lets them pass through each other");

@@ -9,8 +9,8 @@ use hdf5::types::VarLenUnicode;
 use crate::atomic_file::{put, unfinished};
 use crate::cache::APPLICATION;
 use crate::error::IoError;
-use crate::hdf5_file;
 use crate::formats::hdf5::reserved;
+use crate::hdf5_file;
 
 /// The names that the files of a shot repeat.
 #[derive(Debug, Clone)]

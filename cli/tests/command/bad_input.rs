@@ -116,7 +116,8 @@ fn elements_that_take_no_part_are_warnings_of_check_and_of_run() {
 
 #[test]
 fn bodies_without_a_clear_outside() {
-    let flat = BODY.lines().map(|line| if line.starts_with("v 0 1.7") { "v 0.2 0 0.2\n".into() } else { format!("{line}\n") });
+    let flat =
+        BODY.lines().map(|line| if line.starts_with("v 0 1.7") { "v 0.2 0 0.2\n".into() } else { format!("{line}\n") });
     let flat: String = flat.filter(|line| !line.starts_with('f')).chain(["f 1 2 2\n".to_owned()]).collect();
     let cases: [(&str, String, &[&str]); 4] = [
         ("no area at all", flat, &["frame 1", "0-1-1 have no area"]),

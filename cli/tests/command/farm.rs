@@ -102,7 +102,8 @@ fn a_changed_frame_is_found_by_the_record() {
     assert_eq!(found.code, Some(82), "{}", found.stderr);
     assert!(found.stderr.contains("sheet.abc: frame 1003: the positions"), "{}", found.stderr);
     // A frame of which the record says nothing is not verified, and that is no success.
-    let silent: String = lines.lines().filter(|line| !line.contains("\"frame\":1003,")).map(|line| line.to_owned() + "\n").collect();
+    let silent: String =
+        lines.lines().filter(|line| !line.contains("\"frame\":1003,")).map(|line| line.to_owned() + "\n").collect();
     std::fs::write(&record, silent).unwrap();
     let partly = verify();
     assert_eq!(partly.code, Some(82), "{}{}", partly.stdout, partly.stderr);
@@ -164,7 +165,8 @@ fn ten_kills_before_the_first_checkpoint_leave_three_copies_and_status_tells() {
 
 #[test]
 fn the_cache_of_a_belt_is_verified_compared_and_written_again_as_those_of_garments() {
-    let belt = "[[body]]\nname = \"belt\"\nbelt = { around = \"hero\", at = [0.1, 0.5, 0.1], gap = \"10 mm\" }\n[[garment]]";
+    let belt =
+        "[[body]]\nname = \"belt\"\nbelt = { around = \"hero\", at = [0.1, 0.5, 0.1], gap = \"10 mm\" }\n[[garment]]";
     let folder = folder_with(&FROM_FILES.replace("[[garment]]", belt));
     std::fs::write(folder.path().join("body.obj"), BODY).unwrap();
     std::fs::write(folder.path().join("skirt.obj"), SKIRT).unwrap();

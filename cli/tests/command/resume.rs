@@ -130,7 +130,10 @@ fn a_lost_cache_is_written_again_from_one_of_another_format() {
     let run = ["run", "scene.toml", "-q", "--checkpoint-every", "2f"];
     let out = folder.path().join("out/sheet");
     for lost in ["sheet.abc", "sheet.h5"] {
-        assert_eq!(drapery(folder.path(), &[&run[..], &["--overwrite", "--frames", "1001-1006"]].concat()).code, Some(0));
+        assert_eq!(
+            drapery(folder.path(), &[&run[..], &["--overwrite", "--frames", "1001-1006"]].concat()).code,
+            Some(0)
+        );
         std::fs::remove_file(out.join(lost)).unwrap();
         let again = drapery(folder.path(), &run[..2]);
         assert_eq!(again.code, Some(0), "{lost}: {}", again.stderr);

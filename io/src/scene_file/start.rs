@@ -49,9 +49,10 @@ impl Resolver<'_> {
         let times = long / short;
         // Nothing is known of a mesh without edges.
         if times.is_finite() && times > 0.0 && !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&times) {
-            let (times, size) =
-                if times > 1.0 { (times, "large") } else { (times.recip(), "small") };
-            let what = format!("the start pose is {times:.0} times as {size} as at rest: one of the two files is in another unit");
+            let (times, size) = if times > 1.0 { (times, "large") } else { (times.recip(), "small") };
+            let what = format!(
+                "the start pose is {times:.0} times as {size} as at rest: one of the two files is in another unit"
+            );
             let help = "export both in the same unit, or let each file state its own".to_owned();
             self.data_error(&here, what, help);
             return None;

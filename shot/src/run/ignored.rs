@@ -68,9 +68,13 @@ mod tests {
         assert_eq!(pocket, [[3, 5], [7, 7], [9, 9]]);
         let parts = BTreeMap::from([("pocket".to_owned(), pocket)]);
         let coat = ManifestGarment { name: "coat".into(), parts, ..Default::default() };
-        for (points, object) in
-            [(&[3_u32, 5, 9][..], "coat.pocket"), (&[7], "coat.pocket"), (&[3, 6], "coat"), (&[2, 8], "coat"), (&[], "coat")]
-        {
+        for (points, object) in [
+            (&[3_u32, 5, 9][..], "coat.pocket"),
+            (&[7], "coat.pocket"),
+            (&[3, 6], "coat"),
+            (&[2, 8], "coat"),
+            (&[], "coat"),
+        ] {
             assert_eq!(coat.object_of(points), object, "{points:?}");
         }
     }

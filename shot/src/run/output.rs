@@ -28,8 +28,8 @@ use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
 use crate::run::belts::{self, BeltDigests};
 use crate::run::continued::{Continued, Planned};
-use crate::run::ignored::Ignored;
 use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
+use crate::run::ignored::Ignored;
 use crate::run::options::RunOptions;
 use crate::run::totals::Totals;
 use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
@@ -452,12 +452,7 @@ impl Output {
 
 /// Refuses what [`Output::resume`] would refuse, as long as nothing is touched: a cache that is missing, damaged, too long or of
 /// another plan. Returns notes of caches that are written again because they are gone.
-pub(super) fn check_resume(
-    shot: &Shot,
-    folder: &Path,
-    head: &Head,
-    other_form: bool,
-) -> Result<Vec<String>, IoError> {
+pub(super) fn check_resume(shot: &Shot, folder: &Path, head: &Head, other_form: bool) -> Result<Vec<String>, IoError> {
     let continued = Continued::of(head, folder, other_form);
     let planned = planned(shot, folder);
     let notes = planned.iter().filter_map(|cache| continued.check(cache, cache_plan(shot, cache.object)).transpose());

@@ -39,6 +39,14 @@ fn with(tables: &str) -> String {
     format!("{SHEET}{tables}")
 }
 
+/// The scene with a seam between two corners of the sheet.
+fn seam(keys: &str) -> String {
+    with(&format!(
+        "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
+         to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
+    ))
+}
+
 /// A box between two corners that hardly moves in frames 1 to 4, at a number of frames per second; `says` whether the file says so.
 fn hero(folder: &Path, corners: [[f32; 3]; 2], fps: f64, says: bool) {
     hero_with(folder, corners, (fps, says), (4.0 * fps / 24.0) as usize);
@@ -442,12 +450,6 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
              [[contact]]\nbetween = [\"sheet\", \"ball\"]\nfriction = 0.3\n"
         ))
     };
-    let seam = |keys: &str| {
-        with(&format!(
-            "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
-             to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
-        ))
-    };
     rule(
         "idle_setting",
         standing,
@@ -472,12 +474,6 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
 fn times_outside_the_shot_are_told_in_seconds() {
     // Frames 2 and 3 are at 0 and 0.0417 s.
     let pin = |keys: &str| with(&format!("[[garment.pin]]\ncorners = [\"i0j0\", \"inj0\"]\n{keys}\n"));
-    let seam = |keys: &str| {
-        with(&format!(
-            "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
-             to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
-        ))
-    };
     let ball = |keys: &str| with(&format!("{BALL}{keys}\n"));
     let wind = |keys: &str| with(&format!("[wind]\ndensity = 1\nkeys = {keys}\n"));
     rule(

@@ -26,7 +26,9 @@ use crate::atomic_file::unfinished;
 use crate::attributes::{LISTED, PREF, PointAttributes, PointValues};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, missing, sync_name, too_short};
+use crate::formats::continuing::{
+    cannot_continue, digest_of, hexadecimal, marked_frames, missing, sync_name, too_short,
+};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs, reverse};
 use crate::normals::SplitNormals;
