@@ -271,7 +271,8 @@ fn a_path_map_finds_painted_maps_too() {
     let folder = elsewhere();
     write(folder.path(), "a/lib/thick.txt", "1 1 1 0.5\n");
     write(folder.path(), "a/lib/pins.txt", "1 0 0 0\n");
-    let painted = "material = \"velvet\"\nmaps = { thickness = \"file:X:/lib/thick.txt\" }\n[[garment.pin]]\nmap = \"file:X:/lib/pins.txt\"";
+    let painted = "material = \"velvet\"\n\
+                   maps = { thickness = \"file:X:/lib/thick.txt\" }\n[[garment.pin]]\nmap = \"file:X:/lib/pins.txt\"";
     let scene = ELSEWHERE.replace("material = \"velvet\"", painted).replace("[gravity]", "[gravity]\n[self_repulsion]");
     write(folder.path(), "scene.toml", &scene);
     let check = drapery(folder.path(), &["check", "scene.toml", "--config", "a.toml"]);

@@ -15,7 +15,7 @@ const LOST: &str = "put the file back from a copy, or simulate all frames again 
                     in output.format = [\"abc\", \"h5\"], would be enough to write this one again";
 
 /// The error of a cache that is gone.
-pub(super) fn missing(path: &Path, place: impl Into<String>) -> IoError {
+pub(super) fn lost(path: &Path, place: impl Into<String>) -> IoError {
     IoError::data(path, place, "the cache is missing", LOST)
 }
 

@@ -11,7 +11,7 @@ use super::layout::{Offsets, create_file, read_layout};
 use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, missing, remove, sync_name, too_short};
+use crate::formats::continuing::{cannot_continue, hexadecimal, lost, marked_frames, remove, sync_name, too_short};
 use crate::hdf5_file;
 use crate::written_file;
 
@@ -95,7 +95,7 @@ impl Hdf5Writer {
         let failed = |e| IoError::writing(path, e);
         let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
         if !path.try_exists().map_err(failed)? {
-            return Err(missing(path, frame));
+            return Err(lost(path, frame));
         }
         let data = plan.mesh.read()?;
         let layout = read_layout(path, plan, &data).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
