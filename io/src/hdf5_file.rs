@@ -26,8 +26,8 @@ pub(crate) fn create(path: &Path, userblock: u64) -> hdf5::Result<hdf5::File> {
         .create(path)
 }
 
-/// What the library says of a file that it cannot write: the system's words and kind where it names them, without the insides of the
-/// library.
+/// Turns the library's text about a file that it cannot write into the system's words and kind, where it names them, without the insides
+/// of the library.
 pub(crate) fn refused(error: impl Display) -> std::io::Error {
     /// The number of a full disk.
     const NO_SPACE: &str = "28";

@@ -22,6 +22,11 @@ use figures::RunFigures;
 /// File name of the page, unless another is asked for.
 pub const PAGE: &str = "comparison.html";
 
+/// A figure, or a dash where there is none.
+fn or_dash(figure: String) -> String {
+    if figure.is_empty() { "-".to_owned() } else { figure }
+}
+
 /// State of a run that has written nothing.
 const NOT_RUN: &str = "not run";
 
@@ -62,6 +67,8 @@ impl Comparison {
             let without_figures = |path: PathBuf, state: &'static str| {
                 let mut run = RunFolder { path, ..RunFolder::default() };
                 run.manifest.state = state.into();
+                // Of no frames, as far as anybody knows.
+                (run.manifest.first_frame, run.manifest.last_frame) = (1, 0);
                 run
             };
             let path = folder.join(name);
@@ -102,7 +109,7 @@ impl Comparison {
         Ok([page, table])
     }
 
-    /// The table of figures, as text.
+    /// The table of figures, as text; a dash stands for what a run does not have.
     pub fn table(&self) -> String {
         let heads = RunFigures::HEADS.map(str::to_owned);
         let mut rows = vec![[vec!["run".to_owned()], heads.to_vec()].concat()];
@@ -110,7 +117,7 @@ impl Comparison {
             self.runs
                 .iter()
                 .zip(&self.figures)
-                .map(|((name, _), run)| [vec![name.clone()], run.cells().to_vec()].concat()),
+                .map(|((name, _), run)| [vec![name.clone()], run.cells().map(or_dash).to_vec()].concat()),
         );
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..rows[0].len()).map(width).collect();

@@ -281,7 +281,7 @@ type Tallies = BTreeMap<Subject, Tally>;
 /// A surface in a search, and what is said behind its edges and triangles.
 type Side<'a> = (&'a FaceSearch, &'a str);
 
-/// What edges of a surface do to triangles of another: what is judged, and what a rule of the scene allows.
+/// Crossings of edges of a surface with triangles of another: those to be judged, and those that a rule of the scene allows.
 type Listed<'a> = (CutCrossings, Vec<Crossing>, [Side<'a>; 2]);
 
 impl Tally {

@@ -420,4 +420,7 @@ fn a_missing_file_of_the_command_line_is_looked_for_in_the_present_folder() {
     let missing = drapery(folder.path(), &["info", "a.abc"]);
     assert_eq!(missing.code, Some(66));
     assert!(missing.stderr.contains("on the command line at the present folder"), "{}", missing.stderr);
+    std::fs::write(folder.path().join("noext"), "x").unwrap();
+    let unknown = drapery(folder.path(), &["info", "noext"]);
+    assert!(unknown.stderr.contains("files without an extension cannot be inspected"), "{}", unknown.stderr);
 }

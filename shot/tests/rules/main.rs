@@ -482,7 +482,7 @@ fn times_outside_the_shot_are_told_in_seconds() {
         &[
             (&pin("from = 1.5"), &["pin 0: it never holds: `from` is at 1.5 s, after the last frame", "0.0417 s"]),
             (&pin("until = 0"), &["it never holds: `until` is at 0 s, before"]),
-            (&pin("until = 7"), &["it never lets go: `until` is at 7 s, after the last frame"]),
+            (&pin("until = 7"), &["it is never released: `until` is at 7 s, after the last frame"]),
             (&pin("from = 3"), &["write 0.0417 in `from` for frame 3"]),
             (&pin("path = [[2, [0, 0, 0]], [3, [0, 1, 0]]]"), &["nothing moves in the shot: `path` is at 2 s"]),
             (&pin("path = [[-2, [0, 0, 0]], [-1, [0, 0, 0]]]"), &["`path` is at -1 s, before"]),
