@@ -19,7 +19,7 @@ use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::input_file;
 use drapery_shot::run_record::folder::RunFolder;
-use drapery_shot::run_record::manifest::{Manifest, ManifestGarment};
+use drapery_shot::run_record::manifest::{Manifest, ManifestBody, ManifestGarment};
 
 pub use recorded::recorded;
 
@@ -59,17 +59,18 @@ struct Cache {
 #[derive(Debug, PartialEq)]
 struct RunGarments {
     garments: Vec<ManifestGarment>,
+    bodies: Vec<ManifestBody>,
     ignored: Vec<[String; 2]>,
 }
 
 impl RunGarments {
-    /// The garments of the run in a folder, if it holds one with garments that ignore each other.
+    /// The objects of the run in a folder, if it holds one with bodies or with garments that ignore each other.
     fn read(folder: &Path) -> Option<Self> {
-        let Manifest { garments, ignored, .. } = RunFolder::read(folder).ok()?.manifest;
-        (!ignored.is_empty()).then_some(Self { garments, ignored })
+        let Manifest { garments, bodies, ignored, .. } = RunFolder::read(folder).ok()?.manifest;
+        (!ignored.is_empty() || !bodies.is_empty()).then_some(Self { garments, bodies, ignored })
     }
 
-    /// Whether two garments pass through each other.
+    /// Whether two garments or parts pass through each other.
     fn ignore_each_other(&self, a: &str, b: &str) -> bool {
         self.ignored.iter().any(|[one, other]| (one == a && other == b) || (one == b && other == a))
     }
@@ -77,7 +78,7 @@ impl RunGarments {
 
 impl Cache {
     /// The run that wrote a mesh with this path, and its garment there.
-    fn garment_of(&self, path: &str) -> Option<(&RunGarments, String)> {
+    fn garment_of(&self, path: &str) -> Option<(&RunGarments, &ManifestGarment)> {
         let run = self.run.as_deref()?;
         let holds = |garment: &&ManifestGarment| garment.files.contains(&self.file);
         let is_named = |garment: &&ManifestGarment| {
@@ -85,7 +86,12 @@ impl Cache {
         };
         // A file of one garment, or one over all of them.
         let found = run.garments.iter().find(holds).or_else(|| run.garments.iter().find(is_named))?;
-        Some((run, found.name.clone()))
+        Some((run, found))
+    }
+
+    /// Whether a run wrote it of a body.
+    fn is_of_body(&self) -> bool {
+        self.run.as_deref().is_some_and(|run| run.bodies.iter().any(|body| body.files.contains(&self.file)))
     }
 
     fn name_of(&self, mesh: &PolyMesh) -> String {

@@ -247,7 +247,7 @@ pub(crate) struct RunArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Print JSON: frames, and the warnings with their rules
+    /// Print JSON: frames, and the warnings with their rules; or the error
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -460,7 +460,8 @@ pub(crate) struct ReportArgs {
     /// compares the runs
     #[arg(value_name = "DIR", required = true)]
     pub(crate) folders: Vec<PathBuf>,
-    /// The page that compares several runs; its table is written beside it as CSV [default: comparison.html]
+    /// The page that compares several runs, with its table beside it as CSV; a name in .csv is that of the table. Only pages and tables of
+    /// Drapery are replaced [default: comparison.html]
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 }

@@ -59,7 +59,10 @@ pub(crate) const MORE_THREADS: &str =
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.text)
+        // Colours are for terminals.
+        let mut parts = self.text.split("\u{1b}[");
+        f.write_str(parts.next().unwrap_or_default())?;
+        parts.try_for_each(|part| f.write_str(part.split_once('m').map_or(part, |(_, text)| text)))
     }
 }
 

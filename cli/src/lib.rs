@@ -32,7 +32,7 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_shot::Shot;
 use drapery_shot::farm::command_line::quoted;
 use drapery_shot::remote_simulation;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::args::{Cli, Command};
 use crate::config::Environment;
@@ -175,7 +175,22 @@ fn printed(ended: Ended) -> Ended {
     }
 }
 
+/// Does what the command says; an error is an object too where JSON is printed.
 fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
+    let prints_json = match &cli.command {
+        Command::Check(args) => args.json,
+        Command::Plan(args) => args.json,
+        Command::Diff(args) => args.json,
+        _ => false,
+    };
+    done(cli, ranks).inspect_err(|failure| {
+        if prints_json {
+            say::line(format_args!("{:#}", json!({"error": failure.to_string(), "exit_code": failure.code as u8})));
+        }
+    })
+}
+
+fn done(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     let logs = log::start(&cli.log)?;
     // Read only where it matters: a broken site file is no reason not to see how a run is.
     let around = || Environment::find(cli.config.as_deref());

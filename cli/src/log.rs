@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use drapery_io::error::IoError;
 use drapery_io::{input_file, platform};
 use tracing::{Event, Level, Subscriber};
-use tracing_subscriber::filter::EnvFilter;
+use tracing_subscriber::filter::{EnvFilter, filter_fn};
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{Layer, fmt};
@@ -22,6 +22,9 @@ use crate::say;
 
 /// Bytes that wait for a file at most: more than any run says before its folder is known.
 const MOST_WAITING: usize = 1 << 20;
+
+/// Target of events that belong into files only: standard error has the same in another form.
+pub(crate) const OF_FILES: &str = "files";
 
 /// Warnings that were given so far.
 static WARNINGS: AtomicUsize = AtomicUsize::new(0);
@@ -161,6 +164,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         .with_target(false)
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
+        .with_filter(filter_fn(|about| about.target() != OF_FILES))
         .with_filter(filter(chosen.as_deref().unwrap_or(level)));
     let lines = match &args.log_json {
         None => None,

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle as BarStyle};
 use serde_json::json;
 
 use crate::args::ProgressStyle;
+use crate::failure::Failure;
 use crate::say;
 
 /// Number of frames from which the time left is estimated.
@@ -78,11 +79,15 @@ impl Progress {
         }
     }
 
-    /// Reports the end, and whether all frames are there.
-    pub(crate) fn end(&mut self, exit_code: u8, is_done: bool) {
+    /// Reports the end: whether all frames are there, and the error that ended the run.
+    pub(crate) fn end(&mut self, exit_code: u8, is_done: bool, error: Option<&Failure>) {
         self.clear();
         if self.style == ProgressStyle::Json {
-            say::line(json!({"record": "end", "exit_code": exit_code}));
+            let mut record = json!({"record": "end", "exit_code": exit_code});
+            if let Some(error) = error {
+                record["error"] = error.to_string().into();
+            }
+            say::line(record);
         } else if is_done {
             self.percent(100);
         }

@@ -1,7 +1,7 @@
 //! Small files that are replaced as a whole: a reader sees the old content or the new, never a part.
 
 use std::fs::{self, File};
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
@@ -29,6 +29,28 @@ pub fn check_name(path: &Path) -> Result<(), IoError> {
     }
 }
 
+/// Bytes at the start of a file that tell its kind.
+const START: u64 = 4096;
+
+/// Makes sure that a file may be replaced by an output of a `kind`, as in "page": none of this name is there, it is empty, or `is_own` knows the
+/// start of its content.
+///
+/// # Errors
+/// The file holds something else; it cannot be read; as [`check_name`].
+pub fn check_own(path: &Path, kind: &'static str, is_own: impl FnOnce(&[u8]) -> bool) -> Result<(), IoError> {
+    check_name(path)?;
+    let mut start = Vec::new();
+    let file = match File::open(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        opened => opened.map_err(|e| IoError::creating(path, e))?,
+    };
+    file.take(START).read_to_end(&mut start).map_err(|e| IoError::creating(path, e))?;
+    if start.is_empty() || is_own(&start) {
+        return Ok(());
+    }
+    Err(IoError::OutputIsForeign { path: path.to_owned(), kind })
+}
+
 /// Gives what was written as `part` its name, in the place of a file of that name; what is refused is removed.
 ///
 /// # Errors
@@ -41,6 +63,12 @@ pub fn put(part: &Path, path: &Path) -> Result<(), IoError> {
         let _ = fs::remove_file(part);
     }
     put
+}
+
+/// Brings the names in a folder to the disk. Some network file systems cannot do this to folders; they keep names by themselves.
+pub fn sync_folder(folder: &Path) {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
 }
 
 /// Writes `content` beside `path` and renames it into place.
@@ -109,6 +137,21 @@ mod tests {
             assert!(!part.exists() && fs::metadata(path).unwrap().file_type() == before, "{}", path.display());
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn only_an_empty_file_and_one_of_its_own_kind_are_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("page.html");
+        let check = || check_own(&path, "page", |start| start.starts_with(b"own"));
+        check().unwrap();
+        for (content, is_free) in [("", true), ("own page", true), ("notes", false)] {
+            fs::write(&path, content).unwrap();
+            assert_eq!(check().is_ok(), is_free, "{content}");
+        }
+        let error = check().unwrap_err();
+        assert_eq!(error.kind(), IoErrorKind::CannotCreate);
+        assert!(error.to_string().contains("is no page of Drapery"), "{error}");
     }
 
     #[test]

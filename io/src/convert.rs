@@ -14,7 +14,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 
-use crate::atomic_file::{check_name, put};
+use crate::atomic_file::{check_name, put, unfinished};
 use crate::attributes::{PREF, REST, StoredValues};
 use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::CacheFrames;
@@ -301,7 +301,9 @@ impl Work<'_> {
         wrote: &mut dyn FnMut(i64),
     ) -> Result<(), IoError> {
         let aside = aside(to);
-        let mut writer = create(&aside, &self.plan)?;
+        // Half a cache would only confuse; if it cannot be removed either, the first error says why.
+        let clear = || [&aside, &unfinished(&aside)].into_iter().for_each(|path| drop(fs::remove_file(path)));
+        let mut writer = create(&aside, &self.plan).inspect_err(|_| clear())?;
         let mut write = |frame: &CacheFrame<'_>| {
             writer.write(frame)?;
             if frame.sub_frame == 0 {
@@ -314,8 +316,7 @@ impl Work<'_> {
         drop(writer);
         let placed = written.and_then(|()| put(&aside, to));
         if let Err(error) = placed {
-            // Half a cache would only confuse; if it cannot be removed either, the first error says why.
-            let _ = fs::remove_file(&aside);
+            clear();
             if let Some(folder) = folder_of(to).filter(|_| !to.exists()) {
                 let _ = remove_folder(&folder);
             }

@@ -10,6 +10,7 @@ use crate::atomic_file::{put, unfinished};
 use crate::cache::APPLICATION;
 use crate::error::IoError;
 use crate::formats::hdf5::reserved;
+use crate::hdf5_file;
 
 /// The names that the files of a shot repeat.
 #[derive(Debug, Clone)]
@@ -26,7 +27,7 @@ pub struct Names {
 /// The file cannot be written.
 pub fn write(path: &Path, names: &Names, observation: &Observation) -> Result<(), IoError> {
     let part = unfinished(path);
-    let refused = |e: hdf5::Error| IoError::writing(path, std::io::Error::other(format!("HDF5: {e}")));
+    let refused = |e: hdf5::Error| IoError::writing(path, hdf5_file::refused(e));
     lay_out(&part, names, observation).map_err(refused)?;
     put(&part, path)
 }

@@ -13,7 +13,7 @@ pub enum IoError {
     /// A file that is to be read does not exist.
     #[error(
         "{}: file not found\n  \
-         help: check the path; relative paths start at the scene file's folder",
+         help: check the path; relative paths start in a scene at its file's folder, on the command line at the present folder",
         path.display()
     )]
     Missing {
@@ -180,12 +180,24 @@ pub enum IoError {
     /// A file that is to be written is there already.
     #[error(
         "{}: this file exists already\n  \
-         help: choose another name, or replace it with --overwrite",
+         help: choose another name, or another folder with --out, or replace it with --overwrite",
         path.display()
     )]
     FileExists {
         /// The file.
         path: PathBuf,
+    },
+    /// An output would replace a file of another kind, which Drapery has not written.
+    #[error(
+        "{}: this file exists already and is no {kind} of Drapery\n  \
+         help: give another name, or move this file away",
+        path.display()
+    )]
+    OutputIsForeign {
+        /// The file.
+        path: PathBuf,
+        /// Kind of the output, as in "page".
+        kind: &'static str,
     },
     /// A cache would replace a file that the shot reads.
     #[error(
@@ -273,7 +285,7 @@ impl IoError {
             Self::Create { source, .. } if platform::is_out_of_files(source) => IoErrorKind::Io,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
             Self::OutputNotUtf8 { .. } | Self::OutputNotAFile { .. } => IoErrorKind::CannotCreate,
-            Self::FileExists { .. } => IoErrorKind::CannotCreate,
+            Self::FileExists { .. } | Self::OutputIsForeign { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } | Self::OutputChanged { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,

@@ -40,6 +40,7 @@ pub static RULES: [Rule; 28] = [
                   along the other axis as along `up`. Its feet are on the ground there: within a tenth of this height \
                   from zero. Along `up` it reaches both below and above zero by a fifth of its extent, like the depth \
                   of a standing figure. A figure that lies, sits or crouches on the ground does not reach below it. \
+                  Ground is no figure: a body that is wider than 1.2 times this height, or flatter than 0.06 of it. \
                   Gravity, like every number of a scene, counts with Y up in metres; `[units]` applies to files only. \
                   Gravity is reported if less than half of it pulls downwards.",
         line: "up = \"Z\"",
@@ -179,7 +180,8 @@ pub static RULES: [Rule; 28] = [
     Rule {
         name: "idle_setting",
         finds: "settings that change nothing in this scene, because of another setting",
-        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, `rest` of a body without a pre-roll, and a \
+        exactly: "The rule checks `ambient` of `[garment.pressure]` without `gas`, `rest` of a body without a pre-roll, `rest_gap` and \
+                  `zip` of a seam with `keep_gap`, and a \
                   `[[contact]]` of a garment whose parts all have a `[[contact]]` of their own with the same object. Numbers that \
                   equal the default are ignored.",
         line: "gas = true",
@@ -188,7 +190,7 @@ pub static RULES: [Rule; 28] = [
         name: "outside_shot",
         finds: "pins, seams, paths and winds whose times lie outside the shot, so that they never act",
         exactly: "Times count in seconds since the first frame; with a pre-roll the shot starts below zero. The rule \
-                  finds pins that are released before the start or caught after the last frame; seams that are open \
+                  finds pins that are released before the start, or caught or to be released after the last frame; seams that are open \
                   or closed before the start, or never close or open; spins that never start; and paths and keys of \
                   the wind of which none lies in the shot. One key alone is a place and no motion. It looks at all \
                   frames of the scene, even if a run asks for fewer. Curves by frame are refused instead.",

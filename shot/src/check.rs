@@ -135,7 +135,8 @@ fn unit_remedy(motion: &InputMotion, likely: Option<LengthUnit>, up: UpAxis) -> 
     }
 }
 
-/// Faces of a body that have no normal, or lie on each other, in its first pose; points without faces are only odd.
+/// Faces of a body that lie on each other, or of which none has a normal, in its first pose; points without faces, and a few faces
+/// without a normal, are only odd.
 pub(crate) fn check_faces(
     motion: &InputMotion,
     span: Span,
@@ -154,7 +155,7 @@ pub(crate) fn check_faces(
         !seen.insert(key)
     });
     let place = place(motion, span, span.first_time());
-    let mut problems = problems_of_flat_faces(triangles, &positions, &place);
+    let mut problems = flat_faces_told(triangles, &positions, &place, warnings);
     problems.extend(listed(doubled).map(|list| {
         Problem::data(&place, format!("faces between the points {list} are duplicates"), "delete the duplicate faces")
     }));
@@ -172,9 +173,14 @@ pub(crate) fn check_faces(
     problems
 }
 
-/// Lists the problems of faces without area, separately for faces that may have lost it to rounding far from the
-/// origin.
-fn problems_of_flat_faces(triangles: &[[u32; 3]], positions: &[Vec3], place: &str) -> Vec<Problem> {
+/// Lists faces without area. Contact takes such a face for its edges, so a few are a warning; a body without any other face is a
+/// problem, and so are faces that may have lost their area to rounding far from the origin.
+fn flat_faces_told(
+    triangles: &[[u32; 3]],
+    positions: &[Vec3],
+    place: &str,
+    warnings: &mut Vec<String>,
+) -> Vec<Problem> {
     let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
     let coarse = |corners: &&[u32; 3]| coarse_place(corners.map(at));
     let (lost, flat): (Vec<_>, Vec<_>) =
@@ -189,11 +195,15 @@ fn problems_of_flat_faces(triangles: &[[u32; 3]], positions: &[Vec3], place: &st
                       double precision; shot.origin does not help, it affects only the caches";
         Problem::data(place, what, advice)
     });
+    let is_whole = flat.len() == triangles.len();
     let flat = listed(flat.into_iter()).map(|list| {
         let what = format!("faces between the points {list} have no area, so they have no outside");
         Problem::data(place, what, "delete these faces or dissolve their corners")
     });
-    lost.into_iter().chain(flat).collect()
+    if !is_whole && let Some(Problem { place, what, advice, .. }) = &flat {
+        warnings.push(format!("{place}: {what}; only their edges are touched: {advice}"));
+    }
+    lost.into_iter().chain(flat.filter(|_| is_whole)).collect()
 }
 
 /// Triangles that have no area at these positions.

@@ -11,6 +11,7 @@ use drapery_io::wind_file::WindFile;
 
 use crate::check::{BodySurface, Span, check_faces, check_motion, check_size, path_warning, spin_warning};
 use crate::error::ShotError;
+use crate::loose_points;
 use crate::remote_simulation::RemoteSimulation;
 
 /// Everything that moves by files.
@@ -72,6 +73,8 @@ impl Inputs {
                 warnings.extend(path_warning(&format!("garment \"{}\", pin {number}", garment.name), offsets));
             }
         }
+        let described = garments.iter().zip(&scene.garments);
+        problems.extend(described.filter_map(|(mesh, garment)| loose_points::far_away(mesh, garment)));
         for track in &self.tracks {
             problems.extend(check_motion(track, span, None, warnings));
         }

@@ -29,6 +29,7 @@ pub mod fault;
 mod frame_digest;
 mod inputs;
 mod long_frames;
+mod loose_points;
 mod overstretched;
 mod pinned;
 mod point_attributes;

@@ -290,14 +290,27 @@ impl Session {
                 "this state belongs to another simulation\n  help: states of one simulation go to another by files";
             return Err(ShotError::Resume(text.to_owned()));
         }
-        self.moved.clone_from(&state.moved);
-        self.go_to(state.frame, &mut state.snapshot.clone(), Path::new("state"))?;
+        self.go_to((state.frame, state.moved.clone()), &mut state.snapshot.clone(), Path::new("state"))?;
         (self.sub_step, self.so_far, self.summary) = (state.sub_step, state.so_far.clone(), state.summary.clone());
         Ok(())
     }
 
-    /// Builds the simulation at a saved state of a frame, with bodies where they were then.
-    fn go_to(&mut self, frame: i64, source: &mut dyn SnapshotSource, path: &Path) -> Result<(), ShotError> {
+    /// Builds the simulation at a saved state of a frame, with bodies where they were then; after an error they are where they were before.
+    fn go_to(
+        &mut self,
+        (frame, moved): (i64, Vec<Moved>),
+        source: &mut dyn SnapshotSource,
+        path: &Path,
+    ) -> Result<(), ShotError> {
+        let before = std::mem::replace(&mut self.moved, moved);
+        let built = self.build_at(frame, source, path);
+        if built.is_err() {
+            self.moved = before;
+        }
+        built
+    }
+
+    fn build_at(&mut self, frame: i64, source: &mut dyn SnapshotSource, path: &Path) -> Result<(), ShotError> {
         let input = self.input(frame, |moved| moved.here.as_ref())?;
         let mut shot = self.shot.take().ok_or_else(gone)?;
         shot.remote_simulation = shot.remote_simulation.restored(input, source).map_err(|error| match error {

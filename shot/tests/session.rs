@@ -156,6 +156,25 @@ fn a_cancelled_frame_goes_on_and_states_come_back_with_the_same_bits() {
 }
 
 #[test]
+fn a_state_that_cannot_be_restored_leaves_bodies_where_the_program_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = body_file(folder.path());
+    let (of_file, path) = (source(folder.path(), &body), folder.path().join(&body));
+    let [mut tried, mut untried] = [session(&of_file), session(&of_file)];
+    let start = tried.save().unwrap();
+    advance(&mut tried, 1002, true);
+    advance(&mut untried, 1002, true);
+    let content = std::fs::read(&path).unwrap();
+    std::fs::write(&path, "").unwrap();
+    assert!(tried.restore(&start).is_err());
+    std::fs::write(&path, content).unwrap();
+    for session in [&mut tried, &mut untried] {
+        assert_eq!(session.next_frame(&mut || false).unwrap(), Progress::Frame);
+    }
+    assert!(state(&tried, folder.path()) == state(&untried, folder.path()));
+}
+
+#[test]
 fn fields_follow_the_state_in_the_order_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = session(&source(folder.path(), "memory:hero"));
@@ -192,6 +211,14 @@ fn what_cannot_be_is_a_fault_with_object_frame_and_element_and_changes_nothing()
     assert_eq!(fault(end).0, FaultKind::Usage);
     let path = folder.path().join("state.h5");
     session.save_file(&path).unwrap();
+    // Only a checkpoint is replaced.
+    session.save_file(&path).unwrap();
+    let notes = folder.path().join("notes.txt");
+    std::fs::write(&notes, "mine").unwrap();
+    let refused = session.save_file(&notes).unwrap_err();
+    assert!(refused.to_string().contains("exists already and is no checkpoint of Drapery"), "{refused}");
+    assert_eq!(fault(refused).0, FaultKind::CannotCreate);
+    assert_eq!(std::fs::read_to_string(&notes).unwrap(), "mine");
     let mut other = live.clone();
     other.meshes.insert("sheet", sheet(8)).unwrap();
     let mut other = self::session(&other);

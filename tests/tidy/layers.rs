@@ -85,7 +85,7 @@ const IO_ROOMS: [&str; 32] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 25] = [
+const SHOT_ROOMS: [&str; 26] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -99,6 +99,7 @@ const SHOT_ROOMS: [&str; 25] = [
     "point_attributes",
     "single_layer",
     "check",
+    "loose_points",
     "inputs",
     "written_faces",
     "rules",

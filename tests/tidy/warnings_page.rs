@@ -28,8 +28,8 @@ silence = [\"frame_rate\"]
 ```
 
 `check --json` and `plan --json` list warnings under `warnings`, with `rule`, `object`, `message` and `line`. `rule` is null for
-warnings without a rule, such as degenerate faces and jumps of bodies. The last line of a run counts them as warnings. `--strict` does
-not stop for them.
+warnings without a rule, such as degenerate faces and jumps of bodies. After an error they print an object with its text as `error` and
+the `exit_code`. The last line of a run counts them as warnings. `--strict` does not stop for them.
 ";
 
 /// The page.

@@ -37,6 +37,12 @@ pub(super) fn csv(runs: &[(String, RunFolder)], figures: &[RunFigures], settings
     format!("run,{keys}{FIGURES}\n{}\n", lines.join("\n"))
 }
 
+/// Whether a file that starts like this is such a table.
+pub(super) fn is_table(start: &[u8]) -> bool {
+    let start = String::from_utf8_lossy(start);
+    start.starts_with("run,") && start.lines().next().is_some_and(|head| head.ends_with(FIGURES))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -46,7 +46,8 @@ impl RunFigures {
         Self {
             state: run.manifest.state.to_string(),
             frames: run.delivered(),
-            seconds: seconds.iter().sum(),
+            // The sum of nothing is a negative zero.
+            seconds: seconds.iter().sum::<f64>() + 0.0,
             median: median(&seconds),
             strain: worst.map(|worst| (worst.garment.clone(), worst.p99_9, limit(&worst.garment))),
             degradations: degradations(run).iter().fold(0, |sum, found| sum.saturating_add(found.total)),

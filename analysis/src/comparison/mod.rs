@@ -22,6 +22,11 @@ use figures::RunFigures;
 /// File name of the page, unless another is asked for.
 pub const PAGE: &str = "comparison.html";
 
+/// A figure, or a dash where there is none.
+fn or_dash(figure: String) -> String {
+    if figure.is_empty() { "-".to_owned() } else { figure }
+}
+
 /// State of a run that has written nothing.
 const NOT_RUN: &str = "not run";
 
@@ -62,6 +67,8 @@ impl Comparison {
             let without_figures = |path: PathBuf, state: &'static str| {
                 let mut run = RunFolder { path, ..RunFolder::default() };
                 run.manifest.state = state.into();
+                // Of no frames, as far as anybody knows.
+                (run.manifest.first_frame, run.manifest.last_frame) = (1, 0);
                 run
             };
             let path = folder.join(name);
@@ -84,18 +91,25 @@ impl Comparison {
         Self { runs, figures, settings }
     }
 
-    /// Writes the page, and the table as CSV beside it; returns the two paths.
+    /// Writes the page, and the table as CSV beside it; returns the two paths. The name is the page's, or the table's if it ends in `.csv`.
     ///
     /// # Errors
-    /// A file cannot be written.
-    pub fn write(&self, page: &Path) -> Result<[PathBuf; 2], IoError> {
-        let table = page.with_extension("csv");
+    /// A file is there that is no page or table of Drapery, or cannot be written.
+    pub fn write(&self, name: &Path) -> Result<[PathBuf; 2], IoError> {
+        let is_table = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
+        let (page, table) = if is_table {
+            (name.with_extension("html"), name.to_owned())
+        } else {
+            (name.to_owned(), name.with_extension("csv"))
+        };
+        crate::page::check(&page)?;
+        atomic_file::check_own(&table, "table", csv::is_table)?;
         atomic_file::replace(&table, csv::csv(&self.runs, &self.figures, &self.settings).as_bytes())?;
-        atomic_file::replace(page, self.page(page.parent().unwrap_or(Path::new(""))).as_bytes())?;
-        Ok([page.to_owned(), table])
+        crate::page::write(&page, &self.page(page.parent().unwrap_or(Path::new(""))))?;
+        Ok([page, table])
     }
 
-    /// The table of figures, as text.
+    /// The table of figures, as text; a dash stands for what a run does not have.
     pub fn table(&self) -> String {
         let heads = RunFigures::HEADS.map(str::to_owned);
         let mut rows = vec![[vec!["run".to_owned()], heads.to_vec()].concat()];
@@ -103,7 +117,7 @@ impl Comparison {
             self.runs
                 .iter()
                 .zip(&self.figures)
-                .map(|((name, _), run)| [vec![name.clone()], run.cells().to_vec()].concat()),
+                .map(|((name, _), run)| [vec![name.clone()], run.cells().map(or_dash).to_vec()].concat()),
         );
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..rows[0].len()).map(width).collect();

@@ -7,7 +7,15 @@ pub(crate) mod plot;
 pub(crate) mod table;
 pub(crate) mod text;
 
+use std::path::Path;
+
+use drapery_io::atomic_file;
+use drapery_io::error::IoError;
+
 use text::escape;
+
+/// Mark in the head of every page that Drapery writes: such a page may be replaced by another.
+pub(crate) const MARK: &str = "<meta name=\"generator\" content=\"drapery\">";
 
 /// Style of pages, light and dark.
 const STYLE: &str = include_str!("style.css");
@@ -34,13 +42,30 @@ pub(crate) fn longest_stages<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -
 /// A whole page. Title and footer are texts, the body is markup.
 pub(crate) fn document(title: &str, body: &str, made: &str) -> String {
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">{MARK}\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
          <title>{}</title><style>\n{STYLE}</style></head>\n<body><main>\n{body}\
          <footer>{}</footer></main></body></html>\n",
         escape(title),
         escape(made),
     )
+}
+
+/// Writes a page, in the place of an earlier one if there is one.
+///
+/// # Errors
+/// The file is there and is no page of Drapery, or cannot be written.
+pub(crate) fn write(path: &Path, page: &str) -> Result<(), IoError> {
+    check(path)?;
+    atomic_file::replace(path, page.as_bytes())
+}
+
+/// Makes sure that [`write`] would not replace anything but a page of Drapery.
+///
+/// # Errors
+/// As there.
+pub(crate) fn check(path: &Path) -> Result<(), IoError> {
+    atomic_file::check_own(path, "page", |start| String::from_utf8_lossy(start).contains(MARK))
 }
 
 /// A figure that matters, large, with words below it.

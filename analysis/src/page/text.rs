@@ -39,6 +39,11 @@ pub(crate) fn count(amount: u64) -> String {
     grouped
 }
 
+/// A number of threads.
+pub(crate) fn threads(count: usize) -> String {
+    if count == 1 { "1 thread".to_owned() } else { format!("{count} threads") }
+}
+
 /// A duration [s].
 pub(crate) fn seconds(value: f64) -> String {
     match value {
@@ -123,6 +128,7 @@ mod tests {
         assert_eq!([512, 1536, 5 << 30].map(bytes), ["512 B", "1.5 KiB", "5 GiB"]);
         assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(count(999), "999");
+        assert_eq!([1, 4].map(threads), ["1 thread", "4 threads"]);
         assert_eq!([0.0, 1234.0, 0.004, -2e6].map(|v| scaled(v, "J")), ["0 J", "1.23 kJ", "4 mJ", "-2 MJ"]);
         assert_eq!(scaled(20_000.0, ""), "20 k");
     }

@@ -98,7 +98,7 @@ fn header(run: &RunFolder, title: &str) -> String {
         escape(title),
         escape(rate),
         escape(&garments.join(", ")),
-        if manifest.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", manifest.threads) },
+        text::threads(manifest.threads),
         state = escape(&manifest.state),
     );
     let attempts = manifest.attempts.iter().filter(|attempt| !attempt.began.is_empty());

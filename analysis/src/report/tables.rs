@@ -281,7 +281,9 @@ fn integrators(run: &RunFolder) -> String {
 /// Returns a table of the scene that was run, and of the command and the program that ran it.
 pub(super) fn provenance(run: &RunFolder) -> String {
     let manifest = &run.manifest;
-    let files: Vec<&str> = manifest.garments.iter().flat_map(|garment| &garment.files).map(String::as_str).collect();
+    let of_bodies = manifest.bodies.iter().flat_map(|body| &body.files);
+    let files = manifest.garments.iter().flat_map(|garment| &garment.files).chain(of_bodies);
+    let files: Vec<&str> = files.map(String::as_str).collect();
     let scene = input_file::text(&run.path.join(RESOLVED)).ok();
     let mut facts = vec![
         ("scene", manifest.scene.clone()),

@@ -40,12 +40,12 @@ pub fn text(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> Opti
     let within =
         budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} per frame", text::seconds(b)));
     let mut text = format!(
-        "# Recommended by drapery study for {} {within}: {}\n# {} per frame on {} threads, error {} (RMS)\n\
+        "# Recommended by drapery study for {} {within}: {}\n# {} per frame on {}, error {} (RMS)\n\
          drapery_preset = {VERSION}\n\n[set]\n",
         study.scene.shot,
         row.sample.setting.label,
         text::seconds(row.seconds),
-        study.machine.threads,
+        text::threads(study.machine.threads),
         error_words(row.error.as_ref())
     );
     for (key, value) in &row.sample.setting.settings {

@@ -15,6 +15,7 @@ use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
 use drapery_io::formats::alembic::{faces_of, render_mesh_of, sample_times, triangles_of};
 use drapery_io::mesh_data::MeshReader;
+use drapery_shot::run_record::manifest::ManifestGarment;
 
 use super::{Cache, RunGarments, Verification};
 
@@ -55,8 +56,10 @@ struct Sheet<'a> {
     render_mesh_of: Option<String>,
     /// Purpose of the mesh, if it is not for everything.
     purpose: Option<String>,
+    /// Whether it is a body that a run wrote, and no cloth.
+    is_body: bool,
     /// The run that wrote it, and its garment there, where its folder says so.
-    written_by: Option<(&'a RunGarments, String)>,
+    written_by: Option<(&'a RunGarments, &'a ManifestGarment)>,
 }
 
 /// Source of samples.
@@ -157,6 +160,7 @@ impl<'a> Sheet<'a> {
             times,
             render_mesh_of,
             purpose: None,
+            is_body: cache.is_of_body(),
             written_by: cache.garment_of(mesh.object().path()),
         })
     }
@@ -178,8 +182,8 @@ impl<'a> Sheet<'a> {
         let name = format!("{}{}", cache.prefix, described.name);
         let render_mesh_of = stage.attributes(mesh).ok()?.render_mesh_of;
         let purpose = described.purpose.clone();
-        let written_by = cache.garment_of(&described.name);
-        Some(Self { name, mesh: points, search, times, render_mesh_of, purpose, written_by })
+        let (is_body, written_by) = (cache.is_of_body(), cache.garment_of(&described.name));
+        Some(Self { name, mesh: points, search, times, render_mesh_of, purpose, is_body, written_by })
     }
 
     /// Takes the positions stored at a time; whether there are any.
@@ -202,10 +206,20 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// Whether two meshes, or the layers of one, pass through each other by a rule of the run that wrote them.
-fn ignore_each_other(a: &Sheet<'_>, b: &Sheet<'_>) -> bool {
-    let (Some((run, one)), Some((other_run, other))) = (&a.written_by, &b.written_by) else { return false };
-    std::ptr::eq(*run, *other_run) && run.ignore_each_other(one, other)
+/// Takes the crossings out of a list that a rule of the run allows, edges of one mesh through triangles of another; returns those of the
+/// triangles that were simulated.
+fn take_ignored(list: &mut CutCrossings, edges_of: &Sheet<'_>, triangles_of: &Sheet<'_>) -> Vec<Crossing> {
+    let (Some((run, one)), Some((other_run, other))) = (edges_of.written_by, triangles_of.written_by) else {
+        return Vec::new();
+    };
+    if !std::ptr::eq(run, other_run) {
+        return Vec::new();
+    }
+    let is_ignored = |crossing: &mut Crossing| {
+        run.ignore_each_other(&one.object_of(&crossing.edge), &other.object_of(&crossing.triangle))
+    };
+    list.other.retain_mut(|crossing| !is_ignored(crossing));
+    list.simulated.extract_if(.., is_ignored).collect()
 }
 
 /// A body, in the world and at any time.
@@ -246,6 +260,8 @@ struct Tally {
     simulated: Found,
     /// Crossings that only another cut of a face has.
     other: Found,
+    /// Crossings of the simulated triangles that a rule of the scene allows; the others are without them.
+    ignored: Found,
     /// Whether any face has one.
     has_other_cuts: bool,
 }
@@ -265,16 +281,17 @@ type Tallies = BTreeMap<Subject, Tally>;
 /// A surface in a search, and what is said behind its edges and triangles.
 type Side<'a> = (&'a FaceSearch, &'a str);
 
+/// Crossings of edges of a surface with triangles of another: those to be judged, and those that a rule of the scene allows.
+type Listed<'a> = (CutCrossings, Vec<Crossing>, [Side<'a>; 2]);
+
 impl Tally {
     /// Adds a frame: what edges of the first surface do to triangles of the second.
-    fn add(&mut self, frame: &str, lists: &[(CutCrossings, [Side<'_>; 2])]) {
+    fn add(&mut self, frame: &str, lists: &[Listed<'_>]) {
         self.looked_at += 1;
-        self.has_other_cuts |= lists.iter().flat_map(|(_, sides)| sides).any(|(search, _)| search.has_other_cuts());
-        let of = |simulated: bool| {
-            lists.iter().map(move |(list, sides)| (if simulated { &list.simulated } else { &list.other }, sides))
-        };
-        self.simulated.add(frame, of(true), |_, _| String::new());
-        self.other.add(frame, of(false), faces_in_words);
+        self.has_other_cuts |= lists.iter().flat_map(|(.., sides)| sides).any(|(search, _)| search.has_other_cuts());
+        self.simulated.add(frame, lists.iter().map(|(list, _, sides)| (&list.simulated, sides)), |_, _| String::new());
+        self.other.add(frame, lists.iter().map(|(list, _, sides)| (&list.other, sides)), faces_in_words);
+        self.ignored.add(frame, lists.iter().map(|(_, ignored, sides)| (ignored, sides)), |_, _| String::new());
     }
 }
 
@@ -324,8 +341,9 @@ fn check_moment(
     let mut present = Vec::new();
     for (i, sheet) in sheets.iter_mut().enumerate() {
         if sheet.place(time) {
-            let side = (&sheet.search, "");
-            tallies.entry(Subject::Cloth(i, i)).or_default().add(frame, &[(sheet.search.find(), [side, side])]);
+            let (side, mut found) = ((&sheet.search, ""), sheet.search.find());
+            let ignored = take_ignored(&mut found, sheet, sheet);
+            tallies.entry(Subject::Cloth(i, i)).or_default().add(frame, &[(found, ignored, [side, side])]);
             present.push((i, sheet.mesh.world_matrix_at(time)?));
         }
     }
@@ -334,9 +352,6 @@ fn check_moment(
     if !is_one_space {
         present.iter().for_each(|(i, matrix)| sheets[*i].transform(matrix));
     }
-    let between = |a: Side<'_>, b: Side<'_>, tally: &mut Tally| {
-        tally.add(frame, &[(a.0.find_through(b.0), [a, b]), (b.0.find_through(a.0), [b, a])]);
-    };
     for (k, &(i, _)) in present.iter().enumerate() {
         for &(j, _) in &present[k + 1..] {
             let (a, b) = (&sheets[i], &sheets[j]);
@@ -344,15 +359,21 @@ fn check_moment(
                 continue;
             }
             let names = [a, b].map(|sheet| format!(" of {}", sheet.name));
-            let tally = tallies.entry(Subject::Cloth(i, j)).or_default();
-            between((&a.search, &names[0]), (&b.search, &names[1]), tally);
+            let listed = |edges_of: usize, triangles_of: usize| -> Listed<'_> {
+                let ([one, other], sheets) = ([edges_of, triangles_of], [a, b]);
+                let mut found = sheets[one].search.find_through(&sheets[other].search);
+                let ignored = take_ignored(&mut found, sheets[one], sheets[other]);
+                (found, ignored, [one, other].map(|k| (&sheets[k].search, names[k].as_str())))
+            };
+            tallies.entry(Subject::Cloth(i, j)).or_default().add(frame, &[listed(0, 1), listed(1, 0)]);
         }
     }
     let Some(body) = body else { return Ok(()) };
     body.place(time)?;
     for &(i, _) in &present {
-        let tally = tallies.entry(Subject::Body(i)).or_default();
-        between((&sheets[i].search, ""), (&body.search, " of the body"), tally);
+        let (cloth, body): (Side<'_>, Side<'_>) = ((&sheets[i].search, ""), (&body.search, " of the body"));
+        let listed = [[cloth, body], [body, cloth]].map(|[a, b]| (a.0.find_through(b.0), Vec::new(), [a, b]));
+        tallies.entry(Subject::Body(i)).or_default().add(frame, &listed);
     }
     Ok(())
 }
@@ -381,17 +402,25 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
     let (mut clean_pairs, mut clean_cuts) = (0, 0);
     for (subject, tally) in tallies {
         let (all, frames) = (tally.looked_at, tally.simulated.frames);
+        if let Subject::Cloth(i, j) = *subject
+            && tally.ignored.frames > 0
+        {
+            let with = if i == j { "itself" } else { &sheets[j].name };
+            let (rule, how) = ("as the scene lets them pass through each other", tally.ignored.in_words(all));
+            found.facts.push(format!("{} and {with} intersect, {rule}, {how}", sheets[i].name));
+        }
         let where_and_how = tally.simulated.in_words(all);
         let name = |i: usize| &sheets[i].name;
         match *subject {
+            Subject::Cloth(..) if frames == 0 && tally.ignored.frames > 0 => {}
             Subject::Cloth(i, j) if i == j && frames == 0 => {
                 let triangles = sheets[i].search.triangle_count();
                 found.facts.push(format!("{}: {triangles} triangles, no intersections in {all} frames", name(i)));
             }
-            Subject::Cloth(i, j) if frames > 0 && ignore_each_other(&sheets[i], &sheets[j]) => {
+            // As of every body: it may squeeze, and cloth then has no right place.
+            Subject::Cloth(i, j) if frames > 0 && (sheets[i].is_body || sheets[j].is_body) => {
                 let with = if i == j { "itself" } else { name(j) };
-                let rule = "as the scene lets them pass through each other";
-                found.facts.push(format!("{} and {with} intersect, {rule}, {where_and_how}", name(i)));
+                found.warnings.push(format!("{} and {with} intersect {where_and_how}; one is a body", name(i)));
             }
             Subject::Cloth(i, j) if i == j && sheets[i].render_mesh_of.is_some() => {
                 found.facts.push(format!("{}: its layers intersect {where_and_how}", render_mesh(&sheets[i])));
@@ -417,9 +446,6 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
             }
         }
         clean_cuts += usize::from(tally.has_other_cuts && tally.other.frames == 0);
-        if matches!(*subject, Subject::Cloth(i, j) if ignore_each_other(&sheets[i], &sheets[j])) {
-            continue;
-        }
         report_other_cuts(sheets, (*subject, tally), found);
     }
     if clean_pairs > 0 {

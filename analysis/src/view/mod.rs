@@ -42,9 +42,6 @@ pub enum ViewError {
     /// Nothing to write yet.
     #[error("{}: the run has written no frames yet\n  help: run the command again when `drapery status` counts some", .0.display())]
     NoFrames(PathBuf),
-    /// Something else would be lost.
-    #[error("{}: this file is there already, and is no page\n  help: give the page another name", .0.display())]
-    NoPage(PathBuf),
     /// A page with a single frame is too large.
     #[error(
         "a page with one frame of this run would take {} MB, more than the {} MB of a page\n  \
@@ -59,7 +56,6 @@ impl From<ViewError> for Fault {
             ViewError::Run(error) => return error.into(),
             ViewError::Unknown => FaultKind::Internal,
             ViewError::NoLibrary | ViewError::TooLarge(_) => FaultKind::Usage,
-            ViewError::NoPage(_) => FaultKind::CannotCreate,
             ViewError::NoFrames(_) => FaultKind::MissingInput,
         };
         Self::new(kind, error.to_string())

@@ -2,11 +2,7 @@
 //! to everything that it will ask for.
 
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
-
-use drapery_io::atomic_file;
 
 use super::arrays::Precision;
 use super::opened::About;
@@ -85,9 +81,7 @@ pub struct Written {
 /// written.
 pub fn write_page(folder: &Path, file: &Path) -> Result<Written, ViewError> {
     let viewer = Viewer::new(folder)?;
-    if is_something_else(file) {
-        return Err(ViewError::NoPage(file.to_owned()));
-    }
+    crate::page::check(file)?;
     let mut state = viewer.state()?;
     let all = std::mem::take(&mut state.frames);
     if all.is_empty() {
@@ -114,16 +108,8 @@ pub fn write_page(folder: &Path, file: &Path) -> Result<Written, ViewError> {
     let frames = state.frames.len();
     let run = serde_json::json!({ "state": state, "places": held.places, "arrays": held.arrays });
     let page = page_with(&run.to_string())?;
-    atomic_file::replace(file, page.as_bytes())?;
+    crate::page::write(file, &page)?;
     Ok(Written { frames, of: all.len(), bytes: page.len() })
-}
-
-/// Whether a file is there that is no page, which may be replaced.
-fn is_something_else(file: &Path) -> bool {
-    let start = MARKUP.lines().next().unwrap_or_default().as_bytes();
-    let mut found = vec![0; start.len()];
-    let read = File::open(file).and_then(|mut file| file.read_exact(&mut found));
-    file.exists() && (read.is_err() || found != start)
 }
 
 /// Arrays that go into a page, equal ones once.

@@ -13,12 +13,19 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
-/// Lists all materials that a scene would find, or one of them.
+/// Lists all materials that a scene would find, or one of them. Files that cannot be read are an error after the list of the others.
 pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let mut all: Vec<(Cow<'_, Material>, String)> =
         PRESETS.iter().map(|material| (Cow::Borrowed(material), "preset".to_owned())).collect();
+    let mut broken = Vec::new();
     for file in material_files(&around.search(&args.materials).value.materials)? {
-        let material = read_material(&file)?;
+        let material = match read_material(&file) {
+            Ok(material) => material,
+            Err(error) => {
+                broken.push(error);
+                continue;
+            }
+        };
         let place = file.display();
         let place = match materials::find(&material.name) {
             Some(_) => format!("{place}; not used: a preset of this name takes precedence"),
@@ -32,7 +39,7 @@ pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCod
     if let Some(name) = &args.name {
         let names: Vec<String> = all.iter().map(|(material, _)| material.name.to_string()).collect();
         all.retain(|(material, _)| material.name == name.as_str());
-        if all.is_empty() {
+        if all.is_empty() && broken.is_empty() {
             let help = match nearest(name, names.iter().map(String::as_str)) {
                 Some(best) => format!("did you mean `{best}`?"),
                 None => format!("use one of {}", names.join(", ")),
@@ -47,7 +54,9 @@ pub(crate) fn materials(args: &ListArgs, around: &Environment) -> Result<ExitCod
     } else {
         all.iter().for_each(|(material, place)| list(material, place));
     }
-    Ok(ExitCode::Done)
+    // The one that was asked for is there.
+    let is_found = args.name.is_some() && !all.is_empty();
+    if broken.is_empty() || is_found { Ok(ExitCode::Done) } else { Err(broken.into()) }
 }
 
 /// A material for programs, in SI units.

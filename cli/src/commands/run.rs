@@ -56,7 +56,7 @@ pub(crate) fn run(
     let chosen = around.and_then(|around| Ok((RunSettings::choose(&args.settings, &around)?, around)));
     let (settings, around) = chosen.inspect_err(|failure| {
         let style = args.settings.progress.unwrap_or(ProgressStyle::Auto);
-        Progress::new(style, quiet, 0).end(failure.code as u8, false);
+        Progress::new(style, quiet, 0).end(failure.code as u8, false, Some(failure));
     })?;
     let (style, requests) = (settings.progress.value, settings.requests());
     let (progress, notice_is_given) = (None, false);
@@ -79,6 +79,9 @@ pub(crate) fn run(
                 (Ok(()), false) => ExitCode::Done as u8,
             };
             let last = last_line(args, &report, ranks.count());
+            if let Err(failure) = &verdict {
+                tracing::error!(target: log::OF_FILES, exit_code = code, "{failure}");
+            }
             tracing::info!(exit_code = code, "{last}");
             if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
@@ -87,16 +90,16 @@ pub(crate) fn run(
                 }
                 say::line(last);
             }
-            progress.end(code, !stopped);
+            progress.end(code, !stopped, verdict.as_ref().err());
             verdict.map(|()| Ended { code, by_term })
         }
         Err(failure) => {
-            progress.end(failure.code as u8, false);
-            tracing::info!(
-                exit_code = failure.code as u8,
-                "failed; once the cause is fixed, continue with: {}",
-                command(args, ranks.count())
-            );
+            progress.end(failure.code as u8, false, Some(&failure));
+            // The word of standard error comes from the end of the command.
+            let (exit_code, text) = (failure.code as u8, failure.to_string());
+            tracing::error!(target: log::OF_FILES, exit_code, "{text}");
+            let (cause, command) = (text.lines().next().unwrap_or_default(), command(args, ranks.count()));
+            tracing::info!(exit_code, "failed: {cause}; once the cause is fixed, continue with: {command}");
             Err(failure)
         }
     }

@@ -100,6 +100,12 @@ fn runs(args: &WedgeArgs) -> Result<Vec<WedgeRun>, Failure> {
         );
         return Err(Failure::new(ExitCode::Usage, text));
     }
+    let set = args.scene.settings.iter().map(|(key, _)| key);
+    if let Some(key) = set.into_iter().find(|key| args.vary.iter().any(|(varied, _)| varied == *key)) {
+        let text =
+            format!("{key}: set with --set and varied with --vary\n  help: leave one out; --vary has all its values");
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
     wedge::runs(&args.vary).map_err(|text| Failure::new(ExitCode::Usage, text))
 }
 

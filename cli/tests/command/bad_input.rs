@@ -97,8 +97,7 @@ fn meshes_that_cannot_be_simulated() {
 
 #[test]
 fn elements_that_take_no_part_are_warnings_of_check_and_of_run() {
-    let cases: [(&str, &str, &str); 5] = [
-        ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", "it has no faces"),
+    let cases: [(&str, &str, &str); 4] = [
         ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), "faces 1 have no area"),
         ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), "faces 1 duplicate other faces"),
         ("isolated", &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")), "vertices 0 belong to no face"),
@@ -117,9 +116,12 @@ fn elements_that_take_no_part_are_warnings_of_check_and_of_run() {
 
 #[test]
 fn bodies_without_a_clear_outside() {
+    let flat =
+        BODY.lines().map(|line| if line.starts_with("v 0 1.7") { "v 0.2 0 0.2\n".into() } else { format!("{line}\n") });
+    let flat: String = flat.filter(|line| !line.starts_with('f')).chain(["f 1 2 2\n".to_owned()]).collect();
     let cases: [(&str, String, &[&str]); 4] = [
+        ("no area at all", flat, &["frame 1", "0-1-1 have no area"]),
         ("no faces", BODY.lines().filter(|line| line.starts_with('v')).collect::<Vec<_>>().join("\n"), &["no faces"]),
-        ("zero area", format!("{BODY}v 1 0 0\nf 1 2 5\n"), &["frame 1", "0-1-4 have no area"]),
         ("duplicate", format!("{BODY}f 3 1 2\n"), &["frame 1", "2-0-1 are duplicates"]),
         ("not a number", BODY.replace("1.7", "nan"), &["frame 1", "vertex 3", "finite"]),
     ];
@@ -321,4 +323,104 @@ fn all_unknown_keys_of_a_scene_are_named_in_one_go() {
     expected.insert(4, "`thickness` in `garment.0.stretch`");
     assert_eq!(named, expected, "{}", check.stderr);
     assert_eq!(check.stderr.matches("did you mean").count(), 6, "{}", check.stderr);
+}
+
+#[test]
+fn a_garment_without_faces_is_refused_as_a_body_is() {
+    let points: String = SKIRT.lines().filter(|line| line.starts_with('v')).map(|line| format!("{line}\n")).collect();
+    refused(with_files(BODY, &points).path(), 65, &["scene.toml:", "garment \"skirt\" has no faces", "polygons"]);
+}
+
+#[test]
+fn a_loose_point_far_away_is_named_with_its_number() {
+    let far = SKIRT.replace("f 1 4 3 2", "v 5000000 0 0\nf 1 4 3 2");
+    refused(with_files(BODY, &far).path(), 65, &["garment \"skirt\", vertex 4: it belongs to no face", "delete loose"]);
+}
+
+#[test]
+fn a_pin_that_would_end_after_the_shot_is_told() {
+    let pin = "[[garment.pin]]\nvertices = [0]\nuntil = 9.0\n[output]";
+    let folder = folder_with(&SHEET.replace("[output]", pin));
+    let check = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(check.code, Some(0), "{}", check.stderr);
+    assert!(check.stderr.contains("`until` is at 9 s, after the last frame"), "{}{}", check.stdout, check.stderr);
+}
+
+#[test]
+fn an_error_is_an_object_where_json_is_asked_for() {
+    let folder = folder_with(&SHEET.replace("friction", "fricton"));
+    for (arguments, code) in [
+        (&["check", "scene.toml", "--json"][..], 78),
+        (&["plan", "scene.toml", "--json"], 78),
+        (&["diff", "a.abc", "b.abc", "--json"], 66),
+    ] {
+        let outcome = drapery(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(code), "{arguments:?}: {}", outcome.stderr);
+        let object: serde_json::Value = serde_json::from_str(&outcome.stdout).unwrap_or_default();
+        assert_eq!(object["exit_code"], code, "{arguments:?}: {}", outcome.stdout);
+        let text = object["error"].as_str().unwrap_or_default();
+        assert!(text.contains(if code == 66 { "a.abc" } else { "fricton" }), "{text}");
+    }
+}
+
+#[test]
+fn a_face_of_a_body_without_area_is_named_and_passed_over() {
+    let body = format!("{BODY}v 0.25 0 0\nf 1 2 5\n");
+    // Falls onto the body, over the face without area.
+    let skirt = "v -0.1 1.9 -0.1\nv 0.3 1.9 -0.1\nv 0.3 1.9 0.3\nv -0.1 1.9 0.3\nf 1 4 3 2\n";
+    let folder = with_files(&body, skirt);
+    for arguments in [&["check", "scene.toml"][..], &["run", "scene.toml", "--frames", "1-20", "--out", "out"]] {
+        let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+        std::fs::write(folder.path().join("scene.toml"), scene.replace("1-3", "1-20")).unwrap();
+        let outcome = drapery(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(0), "{arguments:?}\n{}", outcome.stderr);
+        let words = "frame 1: faces between the points 0-1-4 have no area";
+        assert!(outcome.stderr.contains(words), "{arguments:?}: {}", outcome.stderr);
+    }
+}
+
+#[test]
+fn a_start_pose_in_another_unit_is_refused() {
+    let folder = with_files(BODY, SKIRT);
+    let posed = SKIRT.replace("v 2 1 0", "v 200 100 0").replace("v 3 1 0", "v 300 100 0");
+    let posed = posed.replace("v 3 1 1", "v 300 100 100").replace("v 2 1 1", "v 200 100 100");
+    std::fs::write(folder.path().join("posed.obj"), posed).unwrap();
+    let scene = FROM_FILES.replace("rest = \"skirt.obj\"", "rest = \"skirt.obj\"\nstart = \"posed.obj\"");
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    refused(folder.path(), 65, &["scene.toml:", "100 times as large as at rest", "another unit"]);
+}
+
+#[test]
+fn a_parameter_that_the_scene_does_not_declare_is_refused_by_either_name() {
+    let folder = folder_with(SHEET);
+    for key in ["resolutoin", "parameters.resolutoin"] {
+        let refused = drapery(folder.path(), &["check", "scene.toml", "--set", &format!("{key}=4")]);
+        assert_eq!(refused.code, Some(78), "{key}: {}", refused.stderr);
+        let words = ["the scene has no parameter `resolutoin`", "did you mean `resolution`?"];
+        assert!(words.iter().all(|words| refused.stderr.contains(words)), "{}", refused.stderr);
+    }
+    let set = drapery(folder.path(), &["check", "scene.toml", "--set", "parameters.resolution=4"]);
+    assert_eq!(set.code, Some(0), "{}", set.stderr);
+}
+
+#[test]
+fn a_foreign_file_in_the_way_of_a_run_is_not_called_a_run() {
+    let folder = folder_with(SHEET);
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    std::fs::write(folder.path().join("mine/sheet.abc"), "mine").unwrap();
+    let run = drapery(folder.path(), &["run", "scene.toml", "--out", "mine"]);
+    assert_eq!(run.code, Some(73), "{}", run.stderr);
+    assert!(run.stderr.contains("mine/sheet.abc: this file exists already"), "{}", run.stderr);
+    assert!(!run.stderr.contains("holds a run") && run.stderr.contains("--out"), "{}", run.stderr);
+}
+
+#[test]
+fn a_missing_file_of_the_command_line_is_looked_for_in_the_present_folder() {
+    let folder = folder_with(SHEET);
+    let missing = drapery(folder.path(), &["info", "a.abc"]);
+    assert_eq!(missing.code, Some(66));
+    assert!(missing.stderr.contains("on the command line at the present folder"), "{}", missing.stderr);
+    std::fs::write(folder.path().join("noext"), "x").unwrap();
+    let unknown = drapery(folder.path(), &["info", "noext"]);
+    assert!(unknown.stderr.contains("files without an extension cannot be inspected"), "{}", unknown.stderr);
 }

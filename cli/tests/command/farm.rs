@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use serde_json::Value;
 
+use drapery_selftest::files::{BODY, FROM_FILES, SKIRT};
+
 use crate::{Outcome, SHEET, command, crossing, drapery, folder_with};
 
 /// Lines of counts that should stay zero in the message of a strict run.
@@ -99,6 +101,13 @@ fn a_changed_frame_is_found_by_the_record() {
     let found = verify();
     assert_eq!(found.code, Some(82), "{}", found.stderr);
     assert!(found.stderr.contains("sheet.abc: frame 1003: the positions"), "{}", found.stderr);
+    // A frame of which the record says nothing is not verified, and that is no success.
+    let silent: String =
+        lines.lines().filter(|line| !line.contains("\"frame\":1003,")).map(|line| line.to_owned() + "\n").collect();
+    std::fs::write(&record, silent).unwrap();
+    let partly = verify();
+    assert_eq!(partly.code, Some(82), "{}{}", partly.stdout, partly.stderr);
+    assert!(partly.stderr.contains("sheet.abc: frame 1003 cannot be verified"), "{}", partly.stderr);
     assert_eq!(drapery(folder.path(), &["verify"]).code, Some(2));
     assert_eq!(drapery(folder.path(), &["verify", "--record", "."]).code, Some(66));
 }
@@ -152,4 +161,41 @@ fn ten_kills_before_the_first_checkpoint_leave_three_copies_and_status_tells() {
     let logs: String =
         (1..=10).map(|n| std::fs::read_to_string(out.join(format!("logs/{n:03}.log"))).unwrap()).collect();
     assert!(logs.contains("a copy that is kept has the same frames"), "{logs}");
+}
+
+#[test]
+fn the_cache_of_a_belt_is_verified_compared_and_written_again_as_those_of_garments() {
+    let belt =
+        "[[body]]\nname = \"belt\"\nbelt = { around = \"hero\", at = [0.1, 0.5, 0.1], gap = \"10 mm\" }\n[[garment]]";
+    let folder = folder_with(&FROM_FILES.replace("[[garment]]", belt));
+    std::fs::write(folder.path().join("body.obj"), BODY).unwrap();
+    std::fs::write(folder.path().join("skirt.obj"), SKIRT).unwrap();
+    let run = |out: &str| {
+        let run = drapery(folder.path(), &["run", "scene.toml", "-q", "--out", out]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    };
+    run("a");
+    run("b");
+    let manifest = std::fs::read_to_string(folder.path().join("a/manifest.json")).unwrap();
+    let manifest: Value = serde_json::from_str(&manifest).unwrap();
+    assert_eq!(manifest["bodies"][0]["files"][0], "belt.abc", "{manifest}");
+    let verify = || drapery(folder.path(), &["verify", "--record", "a"]);
+    let sound = verify();
+    assert_eq!(sound.code, Some(0), "{}", sound.stderr);
+    assert!(sound.stdout.contains("belt.abc: 3 of 3 frames match the record"), "{}", sound.stdout);
+    let same = drapery(folder.path(), &["diff", "a", "b"]);
+    assert!(same.code == Some(0) && same.stdout.contains("belt.abc"), "{}{}", same.stdout, same.stderr);
+    // A belt in cloth is reported as any body is, and not judged.
+    let crossings = drapery(folder.path(), &["verify", "a/skirt.abc", "a/belt.abc"]);
+    assert_eq!(crossings.code, Some(0), "{}", crossings.stderr);
+    // The belt of another pose is noticed, and one that is gone is written again.
+    let moved = std::fs::read(folder.path().join("a/skirt.abc")).unwrap();
+    std::fs::write(folder.path().join("a/belt.abc"), moved).unwrap();
+    let found = verify();
+    assert_eq!(found.code, Some(82), "{}", found.stdout);
+    assert!(found.stderr.contains("belt.abc: frame 1: the positions"), "{}", found.stderr);
+    assert_eq!(drapery(folder.path(), &["diff", "a", "b"]).code, Some(1));
+    std::fs::remove_file(folder.path().join("a/belt.abc")).unwrap();
+    run("a");
+    assert_eq!(verify().code, Some(0));
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::{Outcome, SHEET, folder_with};
+use crate::{Outcome, SHEET, drapery, folder_with};
 
 /// Runs a script with a disk of this number of bytes in the folder `disk`; `None` where that is not allowed.
 fn with_disk(folder: &Path, bytes: u64, script: &str) -> Option<Outcome> {
@@ -56,5 +56,18 @@ fn a_run_without_room_for_its_first_files_does_not_count_as_killed() {
         let Some(said) = with_disk(folder.path(), bytes, script) else { return };
         let is_failed = said.stdout.contains("sheet: failed") || !said.stdout.contains("sheet: ");
         assert!(said.stdout.contains("exit code 7") && is_failed, "{bytes}: {}{}", said.stdout, said.stderr);
+    }
+}
+
+#[test]
+fn a_conversion_without_room_leaves_nothing_behind_and_says_it_in_plain_words() {
+    let folder = folder_with(&SHEET.replace("resolution = 6", "resolution = 40"));
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "-q"]).code, Some(0));
+    for (bytes, name) in [(20_000, "c.h5"), (60_000, "c.h5"), (8_000, "c.abc"), (40_000, "c.abc")] {
+        let script = format!("\"$0\" convert out/sheet/sheet.abc disk/{name}; echo \"exit code $?\"; ls -A disk");
+        let Some(said) = with_disk(folder.path(), bytes, &script) else { return };
+        assert!(said.stdout.trim_end().ends_with("exit code 74"), "{bytes}: {}{}", said.stdout, said.stderr);
+        assert!(said.stderr.contains("No space left on device"), "{bytes}: {}", said.stderr);
+        assert!(!said.stderr.contains("H5"), "{bytes}: {}", said.stderr);
     }
 }

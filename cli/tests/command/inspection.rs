@@ -198,3 +198,26 @@ fn the_folder_of_a_run_is_known_where_a_file_is_asked_for() {
         info.stderr
     );
 }
+
+#[test]
+fn a_comparison_replaces_only_pages_and_tables_of_its_own() {
+    let folder = run_into(&["a", "b"]);
+    let compare = |name: &str| drapery(folder.path(), &["report", "a", "b", "--out", name]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    for (name, beside) in [("notes.html", "notes.csv"), ("page.html", "page.csv")] {
+        let foreign = if name == "notes.html" { name } else { beside };
+        std::fs::write(folder.path().join(foreign), "<!DOCTYPE html>\nmine\n").unwrap();
+        let refused = compare(name);
+        assert_eq!(refused.code, Some(73), "{}", refused.stderr);
+        let words = format!("{foreign}: this file exists already and is no ");
+        assert!(refused.stderr.contains(&words), "{}", refused.stderr);
+        assert!(read(foreign).contains("mine"));
+    }
+    // The name of a table names the table, and the page is beside it; both may be replaced.
+    for _ in 0..2 {
+        let done = compare("t.csv");
+        assert_eq!(done.code, Some(0), "{}", done.stderr);
+        assert!(done.stdout.contains("wrote t.html") && done.stdout.contains("wrote t.csv"), "{}", done.stdout);
+        assert!(read("t.csv").starts_with("run,state,") && read("t.html").starts_with("<!DOCTYPE html>"));
+    }
+}

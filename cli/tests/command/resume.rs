@@ -46,12 +46,12 @@ fn refused(spoil: &dyn Fn(&Path), options: &[&str], expected: &str) {
 
 #[test]
 fn a_resume_that_is_refused_touches_nothing() {
-    let remove = |name: &'static str| move |out: &Path| std::fs::remove_file(out.join(name)).unwrap();
-    refused(&remove("sheet.abc"), &["--resume", "1004"], "sheet.abc: frame 1004: the cache is missing");
-    // The caches before it could go on.
-    refused(&remove("sheet.h5"), &["--resume", "1004"], "sheet.h5: frame 1004: the cache is missing");
-    #[cfg(feature = "usd")]
-    refused(&remove("sheet.usd"), &["--resume", "1004"], "sheet.usd: frame 1004: the cache is missing");
+    let remove = |out: &Path| {
+        for name in ["sheet.abc", "sheet.h5", "sheet.usd"] {
+            drop(std::fs::remove_file(out.join(name)));
+        }
+    };
+    refused(&remove, &["--resume", "1004"], "sheet.abc: frame 1004: the cache is missing");
     let cut = |out: &Path| std::fs::write(out.join("sheet.h5"), "short").unwrap();
     refused(&cut, &["--resume", "1004"], "sheet.h5");
     for (checkpoint, frames) in [("1007", "1001-1004"), ("1004", "1001-1006")] {
@@ -61,9 +61,13 @@ fn a_resume_that_is_refused_touches_nothing() {
 
 #[test]
 fn a_resume_in_another_form_that_is_refused_touches_nothing() {
-    let remove = |out: &Path| std::fs::remove_file(out.join("sheet.h5")).unwrap();
+    let remove = |out: &Path| {
+        for name in ["sheet.abc", "sheet.h5", "sheet.usd"] {
+            drop(std::fs::remove_file(out.join(name)));
+        }
+    };
     let options = ["--resume", "1004", "--set", "output.velocities=false"];
-    refused(&remove, &options, "sheet.h5");
+    refused(&remove, &options, "sheet.abc");
 }
 
 #[test]
@@ -118,4 +122,36 @@ fn caches_in_a_format_that_the_scene_has_no_more_go_with_the_run_that_is_replace
     assert_eq!(caches(), ["other.h5", "sheet.abc", "sheet.h5"]);
     run("\"abc\"", &["--overwrite"]);
     assert_eq!(caches(), ["other.h5", "sheet.abc"]);
+}
+
+#[test]
+fn a_lost_cache_is_written_again_from_one_of_another_format() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-1008").replace("[\"abc\"]", "[\"abc\", \"h5\"]"));
+    let run = ["run", "scene.toml", "-q", "--checkpoint-every", "2f"];
+    let out = folder.path().join("out/sheet");
+    for lost in ["sheet.abc", "sheet.h5"] {
+        assert_eq!(
+            drapery(folder.path(), &[&run[..], &["--overwrite", "--frames", "1001-1006"]].concat()).code,
+            Some(0)
+        );
+        std::fs::remove_file(out.join(lost)).unwrap();
+        let again = drapery(folder.path(), &run[..2]);
+        assert_eq!(again.code, Some(0), "{lost}: {}", again.stderr);
+        assert!(again.stderr.contains(&format!("{lost} is missing")), "{}", again.stderr);
+        let found = drapery(folder.path(), &["verify", "--record", "out/sheet"]);
+        assert_eq!(found.code, Some(0), "{lost}: {}", found.stderr);
+        assert!(found.stdout.contains(&format!("{lost}: 8 of 8 frames match the record")), "{}", found.stdout);
+    }
+}
+
+#[test]
+fn a_lost_cache_without_another_format_leads_to_commands_that_work() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-1008"));
+    let run = ["run", "scene.toml", "-q", "--checkpoint-every", "2f"];
+    assert_eq!(drapery(folder.path(), &[&run[..], &["--frames", "1001-1006"]].concat()).code, Some(0));
+    std::fs::remove_file(folder.path().join("out/sheet/sheet.abc")).unwrap();
+    let again = drapery(folder.path(), &run);
+    assert_eq!(again.code, Some(65), "{}", again.stderr);
+    assert!(again.stderr.contains("put the file back") && !again.stderr.contains("--resume"), "{}", again.stderr);
+    assert_eq!(drapery(folder.path(), &[&run[..], &["--overwrite"]].concat()).code, Some(0));
 }

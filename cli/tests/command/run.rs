@@ -269,3 +269,23 @@ fn without_mpi_one_of_many_processes_is_refused_and_only_the_first_says_so() {
         }
     }
 }
+
+#[test]
+fn a_failed_run_says_its_cause_in_its_log_and_in_the_last_record() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-1008"));
+    let run = ["run", "scene.toml", "--progress", "json", "--checkpoint-every", "1f", "--keep", "20"];
+    assert_eq!(drapery(folder.path(), &run).code, Some(0));
+    let out = folder.path().join("out/sheet");
+    std::fs::write(out.join("sheet.abc"), "short").unwrap();
+    let failed = drapery(folder.path(), &[&run[..], &["--resume", "1004"]].concat());
+    assert_eq!(failed.code, Some(65), "{}", failed.stderr);
+    let end: Value = serde_json::from_str(failed.stdout.lines().last().unwrap()).unwrap();
+    let text = end["error"].as_str().unwrap_or_default();
+    assert!(end["record"] == "end" && end["exit_code"] == 65 && text.contains("sheet.abc: "), "{end}");
+    let log = std::fs::read_to_string(out.join("logs/002.log")).unwrap();
+    assert!(log.lines().any(|line| line.contains("ERROR") && line.contains("sheet.abc: ")), "{log}");
+    let last = log.lines().last().unwrap();
+    assert!(last.contains("sheet.abc: ") && last.contains("continue with: drapery run scene.toml"), "{last}");
+    // Standard error has it once.
+    assert_eq!(failed.stderr.matches("sheet.abc: ").count(), 1, "{}", failed.stderr);
+}

@@ -249,3 +249,32 @@ fn a_run_that_sigterm_stops_ends_by_it_only_if_that_is_asked_for() {
         assert!(!folder.path().join(out).join("lock.json").exists(), "the folder was given back");
     }
 }
+
+#[test]
+fn a_broken_material_file_is_named_behind_the_list_of_the_others() {
+    let folder = folder_with(SHEET);
+    write(folder.path(), "fabrics/a_broken.toml", "density = \n");
+    write(folder.path(), "fabrics/b_sound.toml", VELVET);
+    write(folder.path(), "fabrics/c_broken.toml", "densty = 1.0\n");
+    let list = |more: &[&str]| drapery(folder.path(), &[&["materials", "--materials", "fabrics"], more].concat());
+    let all = list(&[]);
+    assert!(all.stdout.contains("b_sound") && all.stdout.contains("silk_light"), "{}{}", all.stdout, all.stderr);
+    assert!(all.stderr.contains("a_broken.toml") && all.stderr.contains("c_broken.toml"), "{}", all.stderr);
+    assert_eq!(all.code, Some(78));
+    let one = list(&["b_sound"]);
+    assert_eq!((one.code, one.stderr.as_str()), (Some(0), ""));
+    assert!(list(&["c_broken"]).stderr.contains("c_broken.toml"));
+}
+
+#[test]
+fn a_path_map_finds_painted_maps_too() {
+    let folder = elsewhere();
+    write(folder.path(), "a/lib/thick.txt", "1 1 1 0.5\n");
+    write(folder.path(), "a/lib/pins.txt", "1 0 0 0\n");
+    let painted = "material = \"velvet\"\n\
+                   maps = { thickness = \"file:X:/lib/thick.txt\" }\n[[garment.pin]]\nmap = \"file:X:/lib/pins.txt\"";
+    let scene = ELSEWHERE.replace("material = \"velvet\"", painted).replace("[gravity]", "[gravity]\n[self_repulsion]");
+    write(folder.path(), "scene.toml", &scene);
+    let check = drapery(folder.path(), &["check", "scene.toml", "--config", "a.toml"]);
+    assert_eq!(check.code, Some(0), "{}", check.stderr);
+}

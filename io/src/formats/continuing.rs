@@ -1,7 +1,6 @@
 //! Parts that caches of all formats share when they are continued: checks of the mark, and names beside the final
 //! one.
 
-use std::fs::File;
 use std::path::Path;
 
 use crate::atomic_file;
@@ -10,6 +9,15 @@ use crate::error::IoError;
 
 /// Remedy for a cache that does not match its mark.
 const GO_BACK: &str = "run again from an earlier checkpoint with --resume FRAME, or from the start with --overwrite";
+
+/// Remedy for a cache that is gone, with its frames in no other format: no checkpoint brings them back.
+const LOST: &str = "put the file back from a copy, or simulate all frames again with --overwrite; a cache in a second format, as \
+                    in output.format = [\"abc\", \"h5\"], would be enough to write this one again";
+
+/// The error of a cache that is gone.
+pub(super) fn lost(path: &Path, place: impl Into<String>) -> IoError {
+    IoError::data(path, place, "the cache is missing", LOST)
+}
 
 /// The error of a cache that cannot be continued from its mark.
 pub(super) fn cannot_continue(path: &Path, place: impl Into<String>, what: impl Into<String>) -> IoError {
@@ -56,9 +64,7 @@ pub(super) fn remove(path: &Path) -> Result<(), IoError> {
 
 /// Brings the name of a file to the disk.
 pub(super) fn sync_name(path: &Path) {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Some network file systems cannot do this to folders; they keep names by themselves.
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    atomic_file::sync_folder(path.parent().unwrap_or(Path::new("")));
 }
 
 /// A digest as text.

@@ -67,6 +67,11 @@ pub struct ChannelSamples {
 /// Reads a channel: a property of an object that holds numbers, by the path of the object and the name of the property.
 pub type ReadChannel = fn(&Path, &str, &str) -> Result<ChannelSamples, IoError>;
 
+/// Files of an extension, in words.
+fn with_extension(extension: &str) -> String {
+    if extension.is_empty() { "files without an extension".to_owned() } else { format!(".{extension} files") }
+}
+
 /// Looks into a file.
 pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
 
@@ -279,7 +284,7 @@ pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReade
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     Err(IoError::Format {
         path: path.to_owned(),
-        what: format!("meshes cannot be read from .{extension} files"),
+        what: format!("meshes cannot be read from {}", with_extension(&extension)),
         advice: match extension.to_lowercase().starts_with("usd") {
             // Only a build without USD comes here with it.
             true => "this program was built without USD: use a build with USD (`make build`), or export an .abc".into(),
@@ -326,7 +331,7 @@ impl CacheFrames {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         Err(IoError::Format {
             path: path.to_owned(),
-            what: format!(".{extension} files are not caches"),
+            what: format!("{} are not caches", with_extension(&extension)),
             advice: format!("give a file that ends in {}", endings(|format| format.read_back.is_some())),
         })
     }
@@ -363,7 +368,7 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     Err(IoError::Format {
         path: path.to_owned(),
-        what: format!(".{extension} files cannot be inspected"),
+        what: format!("{} cannot be inspected", with_extension(&extension)),
         advice: format!("give a file that ends in {}", endings(|_| true)),
     })
 }

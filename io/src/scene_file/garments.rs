@@ -206,6 +206,12 @@ impl Resolver<'_> {
             let reader = FromFile::of(&source, garment.path.clone(), time);
             let mesh = GarmentMesh::new(source.path(), object, reader);
             let mesh = self.of_file(&here, mesh)?;
+            // A mesh without points is refused with all that are.
+            if mesh.face_count() == 0 && mesh.point_count() > 0 {
+                let help = "export it with polygons, or choose another object with `path`".to_owned();
+                self.data_error(&here, &format!("garment \"{}\" has no faces", garment.name), help);
+                return None;
+            }
             self.has_room(&here, mesh.point_count() as f64)?;
             // They are read again with the first frame, which would be late for bad news.
             self.of_file(&here, source.check_attributes_at(time))?;

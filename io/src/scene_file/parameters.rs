@@ -11,6 +11,9 @@ use super::diagnostics::SceneFileError;
 use super::fields;
 use super::tree::{self, Entry, Node, Origin, Path, Place, Sources, Table, Value};
 
+/// Table of the parameters.
+const PARAMETERS: &str = "parameters";
+
 /// The most parts that a dotted key has: far more than any key of a scene.
 const MOST_PARTS: usize = 64;
 
@@ -35,6 +38,10 @@ pub(super) fn override_values(
             continue;
         }
         let words: Vec<&str> = key.split('.').collect();
+        if let [PARAMETERS, name] = words[..] {
+            set_parameter(root, sources, name, node, &key_place)?;
+            continue;
+        }
         if words.len() > MOST_PARTS {
             let text = format!("this key has {} parts, and no key of a scene has more than {MOST_PARTS}", words.len());
             let help = "give the dotted key of a value, for example solver.cfl=2".to_owned();
@@ -77,7 +84,7 @@ fn set_parameter(
     key_place: &Place,
 ) -> Result<(), SceneFileError> {
     let keys = keys_ending_in(root, name);
-    let parameters = root.as_table_mut().and_then(|t| t.get_mut("parameters")).and_then(Node::as_table_mut);
+    let parameters = root.as_table_mut().and_then(|t| t.get_mut(PARAMETERS)).and_then(Node::as_table_mut);
     let names: Vec<String> = parameters.iter().flat_map(|t| t.0.iter().map(|e| e.key.clone())).collect();
     let Some(declared) = parameters.and_then(|t| t.get_mut(name)) else {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -112,7 +119,7 @@ fn set_parameter(
 fn keys_ending_in(root: &Node, word: &str) -> Vec<String> {
     let of_solver = fields::names_at(&Path::default().key("solver")).into_iter().filter(|name| *name == word);
     let of_solver = of_solver.map(|name| format!("solver.{name}"));
-    let tables = root.as_table().into_iter().flat_map(|table| &table.0).filter(|entry| entry.key != "parameters");
+    let tables = root.as_table().into_iter().flat_map(|table| &table.0).filter(|entry| entry.key != PARAMETERS);
     let has = |entry: &&Entry| entry.node.as_table().is_some_and(|table| table.get(word).is_some());
     of_solver.chain(tables.filter(has).map(|entry| format!("{}.{word}", entry.key))).collect()
 }
@@ -148,7 +155,11 @@ fn set_dotted(
                 Some(index) => set_dotted(&mut items[index], sources, rest, node, key_place),
                 None => {
                     let text = format!("there is no `{word}` in this list of {}", items.len());
-                    let help = format!("use a number from 0, or one of the names {}", names.join(", "));
+                    let named: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
+                    let help = match named.as_slice() {
+                        [] => "use a number from 0".to_owned(),
+                        named => format!("use a number from 0, or one of the names {}", named.join(", ")),
+                    };
                     Err(sources.error(key_place, text, Some(help)))
                 }
             }
@@ -158,7 +169,7 @@ fn set_dotted(
 }
 
 fn name_of(item: &Node) -> String {
-    item.as_table().and_then(|t| t.get("name")).and_then(Node::as_text).unwrap_or("(unnamed)").to_owned()
+    item.as_table().and_then(|t| t.get("name")).and_then(Node::as_text).unwrap_or_default().to_owned()
 }
 
 /// Takes `[parameters]` out of the tree.
@@ -169,7 +180,7 @@ pub(super) fn take(root: &mut Node, sources: &Sources) -> Result<Table, SceneFil
     let Some(table) = root.as_table_mut() else {
         return Ok(Table::default());
     };
-    let Some(position) = table.0.iter().position(|e| e.key == "parameters") else {
+    let Some(position) = table.0.iter().position(|e| e.key == PARAMETERS) else {
         return Ok(Table::default());
     };
     let node = table.0.remove(position).node;

@@ -22,8 +22,8 @@ const FILES: [&str; 4] = ["file", "rest", "start", "track"];
 const TIMES: &str = "seam";
 
 /// Keys that name a map or hold maps, which may be files.
-const MAP: &str = "map";
-const MAPS: &str = ".maps";
+pub(super) const MAP: &str = "map";
+pub(super) const MAPS: &str = ".maps";
 
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;

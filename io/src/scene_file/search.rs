@@ -2,7 +2,8 @@
 
 use std::path::{Path as FilePath, PathBuf};
 
-use super::resolved::names_file;
+use super::raw::FILE;
+use super::resolved::{MAP, MAPS, names_file};
 use super::tree::{Node, Origin, Value};
 
 /// Places where files are found; the default finds them where the scene says.
@@ -64,6 +65,20 @@ impl PathMaps {
         }
     }
 
+    /// Replaces the path of a painted map, or of each one over time, that is a file.
+    fn apply_to_map(&self, node: &mut Node) {
+        match &mut node.value {
+            Value::Array(items) => items.iter_mut().for_each(|item| self.apply_to_map(item)),
+            Value::Text(text) => {
+                if let Some(mapped) = text.strip_prefix(FILE).and_then(|file| self.apply(file)) {
+                    *text = format!("{FILE}{mapped}");
+                    node.origin = Origin::PathMap(Box::new(node.origin.clone()));
+                }
+            }
+            _ => {}
+        }
+    }
+
     /// The same in the table `name`, or in those of a list of tables.
     fn apply_in(&self, name: &str, node: &mut Node) {
         match &mut node.value {
@@ -77,6 +92,7 @@ impl PathMaps {
                                 entry.node.origin = Origin::PathMap(Box::new(entry.node.origin.clone()));
                             }
                         }
+                        _ if names_map(name, &entry.key) => self.apply_to_map(&mut entry.node),
                         _ => self.apply_in(&entry.key, &mut entry.node),
                     }
                 }
@@ -84,6 +100,11 @@ impl PathMaps {
             _ => {}
         }
     }
+}
+
+/// Whether a value under this key is a painted map, which may be a file.
+fn names_map(table: &str, key: &str) -> bool {
+    key == MAP || MAPS.strip_prefix('.') == Some(table)
 }
 
 fn slashes(path: &str) -> String {

@@ -21,7 +21,7 @@ impl Resolver<'_> {
         grid: Option<[u32; 2]>,
     ) -> Option<Option<Vec<Vec3>>> {
         let posed = match (&garment.start, garment.folds) {
-            (Some(start), None) => Some(self.start_pose(garment, start, path, mesh.point_count())?),
+            (Some(start), None) => Some(self.start_pose(garment, start, path, mesh)?),
             (None, Some(folds)) => {
                 let points = self.of_file(path, mesh.positions())?;
                 Some(self.folded(garment, folds, path, &points, grid)?)
@@ -37,13 +37,26 @@ impl Resolver<'_> {
         Some(Some(displaced(&places, jitter)))
     }
 
-    fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, count: usize) -> Option<Vec<Vec3>> {
+    fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, mesh: &GarmentMesh) -> Option<Vec<Vec3>> {
         let here = path.clone().key("start");
         let (file, time) = self.file_at(&here, start)?;
         let source = self.open(&here, &file, garment.path.as_deref(), garment.units)?;
         let time = self.time_in(&here, &source, time)?;
         let points = self.mesh(&here, &source, Some(time))?.mesh.points;
-        self.same_count(&here, "the start pose", points.len(), "the rest shape", count)?;
+        self.same_count(&here, "the start pose", points.len(), "the rest shape", mesh.point_count())?;
+        let at_rest = self.of_file(path, mesh.positions())?;
+        let [long, short] = [&points, &at_rest].map(|places| all_edges(mesh, places));
+        let times = long / short;
+        // Nothing is known of a mesh without edges.
+        if times.is_finite() && times > 0.0 && !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&times) {
+            let (times, size) = if times > 1.0 { (times, "large") } else { (times.recip(), "small") };
+            let what = format!(
+                "the start pose is {times:.0} times as {size} as at rest: one of the two files is in another unit"
+            );
+            let help = "export both in the same unit, or let each file state its own".to_owned();
+            self.data_error(&here, what, help);
+            return None;
+        }
         Some(points)
     }
 
@@ -92,6 +105,28 @@ impl Resolver<'_> {
         let mut stream = Random::new(random.seed);
         Some(Some((0..count).map(|_| Vec3::from(garment.velocity) + stream.direction() * speed).collect()))
     }
+}
+
+/// Ratio of the edges at the start and at rest from which no strain explains it: a little less than that of centimetres and decimetres.
+const OTHER_UNIT: f64 = 8.0;
+
+/// Sum of the lengths of the edges of all faces at these places [m].
+fn all_edges(mesh: &GarmentMesh, places: &[Vec3]) -> f64 {
+    let at = |corner: &u32| places.get(*corner as usize).copied().unwrap_or_default();
+    let mut sum = 0.0;
+    let mut of_face = |face: &[u32]| {
+        let next = face.iter().cycle().skip(1);
+        sum += face.iter().zip(next).map(|(a, b)| (at(a) - at(b)).norm()).sum::<f64>();
+    };
+    // A file that cannot be read is reported elsewhere.
+    let _ = mesh.faces(&mut |counts, mut corners| {
+        for count in counts {
+            let (face, rest) = corners.split_at_checked(*count as usize).unwrap_or((corners, &[]));
+            of_face(face);
+            corners = rest;
+        }
+    });
+    sum
 }
 
 /// Start positions displaced at random along an axis.

@@ -68,12 +68,12 @@ pub(crate) fn write_report(py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf>
     on_thread(py, |_| Ok(report::write(&folder)?))
 }
 
-/// Writes the page that compares runs, and its table beside it.
+/// Writes the page that compares runs, and its table beside it; the path of the page.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, folders: Vec<PathBuf>, page: PathBuf) -> PyResult<()> {
+pub(crate) fn compare(py: Python<'_>, folders: Vec<PathBuf>, page: PathBuf) -> PyResult<PathBuf> {
     on_thread(py, |_| {
-        Comparison::of(&folders)?.write(&page)?;
-        Ok(())
+        let [page, _] = Comparison::of(&folders)?.write(&page)?;
+        Ok(page)
     })
 }
 

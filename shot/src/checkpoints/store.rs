@@ -6,7 +6,7 @@
 //! [`Account`]. Whatever begins with a point and ends in `.part` is unfinished.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -158,7 +158,7 @@ impl Store {
             // Before the checkpoint: one that is seen has its account.
             atomic_file::replace(&account_path(&path), text.as_bytes())?;
             fs::rename(&part, &path).map_err(|e| IoError::writing(&path, e))?;
-            sync_folder(&self.folder)?;
+            atomic_file::sync_folder(&self.folder);
             Ok((bytes, stored.content_hash))
         });
         if written.is_err() {
@@ -216,8 +216,8 @@ impl Store {
             }
         }
         if !moved.is_empty() {
-            sync_folder(into)?;
-            sync_folder(&self.folder)?;
+            atomic_file::sync_folder(into);
+            atomic_file::sync_folder(&self.folder);
         }
         Ok(moved)
     }
@@ -356,11 +356,6 @@ fn free_path(folder: &Path, entry: &Entry) -> PathBuf {
     let mut names = std::iter::once(folder.join(&name)).chain(numbered);
     // There are more numbers than files.
     names.find(|path| !path.exists() && !account_path(path).exists()).unwrap_or_else(|| folder.join(&name))
-}
-
-/// Brings the names in a folder to the disk.
-fn sync_folder(folder: &Path) -> Result<(), IoError> {
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(|e| IoError::writing(folder, e))
 }
 
 #[cfg(test)]

@@ -81,7 +81,7 @@ impl std::fmt::Display for Holder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.owner {
             Some(owner) => write!(f, "{owner}"),
-            None => write!(f, "an unknown process"),
+            None => write!(f, "an unknown process ({LOCK} is damaged)"),
         }
     }
 }
@@ -244,10 +244,9 @@ impl Found {
     }
 
     fn holder(&self, me: &Owner, now: SystemTime) -> Holder {
-        let last = match &self.record {
-            Some(record) => SystemTime::UNIX_EPOCH + Duration::from_secs(record.heartbeat),
-            None => self.modified,
-        };
+        // A number of seconds that no clock holds tells as little as a file that cannot be understood.
+        let beat = |record: &Record| SystemTime::UNIX_EPOCH.checked_add(Duration::from_secs(record.heartbeat));
+        let last = self.record.as_ref().and_then(beat).unwrap_or(self.modified);
         // A heartbeat from the future comes from a clock that goes ahead.
         let silent_for = now.duration_since(last).unwrap_or_default();
         let owner = self.record.as_ref().map(|record| record.owner.clone());

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use drapery_core::effects;
-use drapery_core::scene::{ContactRule, ContactSide, EffectRequest};
+use drapery_core::scene::{ContactRule, ContactSide, EffectRequest, SeamDescription};
 use drapery_core::settings::{SettingValue, Settings};
 
 use super::{Facts, Finding};
@@ -30,7 +30,7 @@ fn idle_settings() -> [Idle; 1] {
 
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let of_effects = facts.scene.effects.iter().flat_map(|request| of_effect(facts, request));
-    of_effects.chain(of_bodies(facts)).chain(of_contacts(facts)).collect()
+    of_effects.chain(of_bodies(facts)).chain(of_contacts(facts)).chain(of_seams(facts)).collect()
 }
 
 fn of_effect(facts: &Facts<'_>, request: &EffectRequest) -> Vec<Finding> {
@@ -61,6 +61,18 @@ fn of_bodies(facts: &Facts<'_>) -> Vec<Finding> {
     let because = "the shot has no pre-roll in which the body could hold it";
     let line = "preroll = { settle = 24, blend = 24 } in [shot]";
     with_rest.map(|body| finding(body.label.clone(), "rest", because, line)).collect()
+}
+
+/// Keys of seams that keep their gap, and so do not close.
+fn of_seams(facts: &Facts<'_>) -> Vec<Finding> {
+    let of_seam = |(number, seam): (usize, &SeamDescription)| {
+        let idle = [("rest_gap", seam.rest_gap.is_some()), ("zip", seam.zip && seam.opens.is_none())];
+        let idle = idle.into_iter().filter(|(_, written)| *written && seam.keeps_gap);
+        let because = "with `keep_gap` the seam does not close";
+        let line = "keep_gap = false, or leave it out";
+        idle.map(|(key, _)| finding(format!("seam {number}"), key, because, line)).collect::<Vec<_>>()
+    };
+    facts.scene.seams.iter().enumerate().flat_map(of_seam).collect()
 }
 
 /// Rules of contact for a garment whose parts all have a rule of their own for the same pair.

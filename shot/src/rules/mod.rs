@@ -40,6 +40,16 @@ use crate::inputs::Inputs;
 use crate::render_mesh::JudgedBinding;
 use crate::written_faces::OtherCut;
 
+/// A number rounded down, so that what is written holds: so many decimals, or more where two digits need them.
+fn rounded_down(value: f64, decimals: usize) -> String {
+    // Of a number above zero.
+    let needed = (1.0 - value.log10().floor()).clamp(0.0, 15.0) as usize;
+    let decimals = decimals.max(needed);
+    let scale = 10_f64.powi(decimals as i32);
+    let text = format!("{:.decimals$}", (value * scale).floor() / scale);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
 /// Something suspicious that was accepted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Warning {

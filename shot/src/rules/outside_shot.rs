@@ -17,6 +17,8 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
             findings.push(shot.finding(&object, "from", pin.from, "it never holds"));
         } else if pin.until <= shot.start {
             findings.push(shot.finding(&object, "until", pin.until, "it never holds"));
+        } else if pin.until > shot.end && pin.until.is_finite() {
+            findings.push(shot.finding(&object, "until", pin.until, "it is never released"));
         }
         if let PinTarget::Path { offsets, .. } = &pin.target {
             findings.extend(shot.keys(&object, "path", offsets.iter().map(|(time, _)| *time)));

@@ -7,7 +7,7 @@ use drapery_core::effects::body_collision;
 use drapery_core::scene::{ContactEntry, ContactMatrix, ContactSide, PinTarget};
 
 use super::solid::{Solid, solids};
-use super::{Facts, Finding};
+use super::{Facts, Finding, rounded_down};
 
 /// Distances from so much of the thickness on are far enough.
 const FAR_ENOUGH: f64 = 0.9;
@@ -136,6 +136,11 @@ fn of_pair(
         ": finer faces need less"
     };
     let [close_enough, thickness_mm] = [closest, thickness].map(|length| length * 1e3);
+    let mut line = format!("thickness = \"{} mm\"", rounded_down(close_enough.max(0.01), 1));
+    // With less than the faces need, `thin_body` would ask for the thickness back.
+    if found.is_some_and(|found| closest < found.needed) {
+        line += " with silence = [\"thin_body\"] in [check], or keep it with silence = [\"start_close\"]";
+    }
     Some(Finding {
         object: format!("garment \"{}\", vertex {vertex}", facts.scene.garments[garment].name),
         message: format!(
@@ -146,6 +151,6 @@ fn of_pair(
             free.len(),
             body.name
         ),
-        line: format!("thickness = \"{} mm\"", ((close_enough * 10.0).floor() / 10.0).max(0.1)),
+        line,
     })
 }

@@ -3,7 +3,7 @@
 use drapery_core::effects::self_repulsion;
 use drapery_core::simulation::{LoweredThickness, Simulation};
 
-use super::Finding;
+use super::{Finding, rounded_down};
 
 /// The setting that says how much short edges lower.
 const CLAMP: &str = "thickness_clamp";
@@ -27,12 +27,11 @@ fn of_garment(found: &LoweredThickness) -> Finding {
         "{}: their edges are short; longer edges or a larger `{CLAMP}` keep more, and {smaller} kept everywhere",
         found.kept()
     );
-    // Rounded down, so that what is written holds.
-    let kept = (found.least * 1e6).floor();
+    let [metres, millimetres] = [rounded_down(found.least, 6), rounded_down(found.least * 1e3, 3)];
     let line = match (found.is_painted, &found.by_rule_with) {
-        (true, _) => format!("values of at most {} into its map of `thickness`, which is in metres", kept / 1e6),
-        (false, None) => format!("thickness = \"{} mm\"", kept / 1e3),
-        (false, Some(_)) => format!("thickness = \"{} mm\" in its [[contact]]", kept / 1e3),
+        (true, _) => format!("values of at most {metres} into its map of `thickness`, which is in metres"),
+        (false, None) => format!("thickness = \"{millimetres} mm\""),
+        (false, Some(_)) => format!("thickness = \"{millimetres} mm\" in its [[contact]]"),
     };
     Finding { object: format!("garment \"{}\"", found.garment), message, line }
 }

@@ -23,7 +23,9 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
                      modelled closer to the body than that are pushed out at the start (rule `start_close`)",
                     body.thickness * 1e3
                 ),
-                line: format!("thickness = \"{needed:.2} mm\", or leave it out"),
+                line: format!(
+                    "thickness = \"{needed:.2} mm\", or leave it out; or keep it with silence = [\"thin_body\"] in [check]"
+                ),
             });
         }
     }

@@ -18,6 +18,12 @@ const FEET: f64 = 0.1;
 /// ground does not reach that far.
 const STRADDLES: f64 = 0.2;
 
+/// Largest width of a body that can be a figure, arms outstretched, as a share of its height; ground is as wide as long.
+const WIDER: f64 = 1.2;
+
+/// Least extent of a figure along `up`, as a share of its height: ground is flatter.
+const FLATTER: f64 = 0.06;
+
 /// Least share of gravity that has to pull downwards: half of it is 60 degrees.
 const DOWNWARDS: f64 = 0.5;
 
@@ -34,7 +40,8 @@ fn of_body(motion: &InputMotion, [low, high]: [Vec3; 2]) -> Option<Finding> {
         UpAxis::Z => (UpAxis::Y, [-high.z, -low.z]),
     };
     let (height, depth) = (top - bottom, high.y - low.y);
-    let stands = height >= HIGHER * depth && bottom.abs() <= FEET * height;
+    let is_ground = depth < FLATTER * height || high.x - low.x > WIDER * height;
+    let stands = height >= HIGHER * depth && bottom.abs() <= FEET * height && !is_ground;
     if !stands || low.y > -STRADDLES * depth || high.y < STRADDLES * depth {
         return None;
     }

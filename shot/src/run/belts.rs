@@ -1,6 +1,7 @@
 //! Caches of belts: bodies that the program makes, so that nobody else has their mesh to render. Their motion is known, so that all
 //! frames are written when the run begins.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
@@ -11,6 +12,9 @@ use drapery_io::formats::{self, Format};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::InputMotion;
 
+use crate::frame_digest::{FrameDigests, GarmentDigests};
+use crate::run::folder::file_name;
+use crate::run_record::manifest::ManifestBody;
 use crate::shot::Shot;
 
 /// Belts by their names.
@@ -35,11 +39,25 @@ pub(super) fn files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     belts(shot).flat_map(|(name, _)| written(shot).map(move |format| path(folder, name, format))).collect()
 }
 
-/// Writes the caches of all belts into a folder, in the place of those of an earlier attempt, with all frames.
+/// Belts in the manifest.
+pub(super) fn listed(shot: &Shot, folder: &Path) -> Vec<ManifestBody> {
+    let of_belt = |(name, _): (&str, &InputMotion)| {
+        let files = written(shot).map(|format| file_name(&path(folder, name, format)));
+        ManifestBody { name: name.to_owned(), files: files.collect() }
+    };
+    belts(shot).map(of_belt).collect()
+}
+
+/// Digests of all samples of the belts: frame, and which sample behind it.
+pub(super) type BeltDigests = BTreeMap<(i64, usize), FrameDigests>;
+
+/// Writes the caches of all belts into a folder, in the place of those of an earlier attempt, with all frames. Returns the digests of
+/// what was written.
 ///
 /// # Errors
 /// The body of a belt cannot be read; the disk refuses.
-pub(super) fn write(shot: &Shot, folder: &Path) -> Result<(), IoError> {
+pub(super) fn write(shot: &Shot, folder: &Path) -> Result<BeltDigests, IoError> {
+    let mut digests = BeltDigests::new();
     for (name, motion) in belts(shot) {
         let about = &shot.about;
         let first = motion.source.mesh_at(about.timeline.file_time(about.timeline.origin))?;
@@ -56,19 +74,24 @@ pub(super) fn write(shot: &Shot, folder: &Path) -> Result<(), IoError> {
             let frames = f64::from(u8::from(frame > about.first_frame) + u8::from(!is_last)).max(1.0);
             let rate = 1.0 / (frames * about.timeline.frame_duration());
             let velocities: Vec<Vec3> = before.iter().zip(&after).map(|(a, b)| (b - a) * rate).collect();
-            write_sample(&mut writers, &plan, (frame, 0), (&now, &velocities))?;
+            let mut write = |sample: (i64, usize), points: (&[Vec3], &[Vec3])| -> Result<(), IoError> {
+                let written = write_sample(&mut writers, &plan, sample, points)?;
+                digests.entry(sample).or_default().insert(name.to_owned(), written);
+                Ok(())
+            };
+            write((frame, 0), (&now, &velocities))?;
             let fractions = if is_last { &[][..] } else { &about.output.sub_frames };
             for (sub_frame, fraction) in (1..).zip(fractions) {
                 let between: Vec<Vec3> = now.iter().zip(&after).map(|(a, b)| a + (b - a) * *fraction).collect();
                 let rate = 1.0 / about.timeline.frame_duration();
                 let velocities: Vec<Vec3> = now.iter().zip(&after).map(|(a, b)| (b - a) * rate).collect();
-                write_sample(&mut writers, &plan, (frame, sub_frame), (&between, &velocities))?;
+                write((frame, sub_frame), (&between, &velocities))?;
             }
             (before, now) = (now, after);
         }
         writers.iter_mut().try_for_each(|writer| writer.finish())?;
     }
-    Ok(())
+    Ok(digests)
 }
 
 /// Positions at a frame [m].
@@ -77,13 +100,13 @@ fn pose(shot: &Shot, motion: &InputMotion, frame: i64) -> Result<Vec<Vec3>, IoEr
     Ok(samples.pop().map(|sample| sample.positions).unwrap_or_default())
 }
 
-/// Writes positions [m] and velocities [m/s] as a sample of all caches.
+/// Writes positions [m] and velocities [m/s] as a sample of all caches; returns the digests of what is stored.
 fn write_sample(
     writers: &mut [Box<dyn CacheWriter>],
     plan: &CachePlan<'_>,
     (frame, sub_frame): (i64, usize),
     (positions, velocities): (&[Vec3], &[Vec3]),
-) -> Result<(), IoError> {
+) -> Result<GarmentDigests, IoError> {
     let in_file = |vector: Vec3| <[f64; 3]>::from(plan.units.from_si(vector)).map(|c| c as f32);
     let positions: Vec<[f32; 3]> = positions.iter().map(|place| in_file(place - plan.origin)).collect();
     let velocities: Vec<[f32; 3]> = match plan.velocities {
@@ -99,5 +122,6 @@ fn write_sample(
         crossings: None,
         values: PointValues::default(),
     };
-    writers.iter_mut().try_for_each(|writer| writer.write(&sample))
+    writers.iter_mut().try_for_each(|writer| writer.write(&sample))?;
+    Ok(GarmentDigests::of(&positions, &velocities))
 }

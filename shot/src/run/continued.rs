@@ -52,29 +52,37 @@ impl<'a> Continued<'a> {
 
     fn continuation(&self, cache: &Planned) -> Continuation<'_> {
         let own = self.marks.iter().find(|mark| mark.file == file_name(&cache.path));
-        match (own, self.delivered) {
-            (_, None) => Continuation::New,
-            (Some(mark), Some(_)) if !self.other_form => Continuation::Behind(mark),
-            (own, Some(last)) => {
+        let Some(last) = self.delivered else { return Continuation::New };
+        let stem = cache.path.file_stem();
+        let of_object = || self.marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
+        // What cannot be asked for is not lost.
+        let is_there = |mark: &&CacheMark| self.folder.join(&mark.file).try_exists().unwrap_or(true);
+        // One that has the samples between frames too before others.
+        let has_all = |mark: &&CacheMark| !holds_whole_frames(Path::new(&mark.file));
+        let other = of_object().filter(is_there).rfind(has_all).or(of_object().rfind(is_there));
+        match own {
+            // A file that is gone, and no other that holds its frames: the format says so.
+            Some(mark) if !self.other_form && (is_there(&mark) || other.is_none()) => Continuation::Behind(mark),
+            own => {
                 // Its own file first: a cache of another format may have been left out for a while.
-                let stem = cache.path.file_stem();
-                let others = || self.marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
-                // Then one that has the samples between frames too.
-                let has_all = |mark: &&CacheMark| !holds_whole_frames(Path::new(&mark.file));
-                let other = others().rfind(has_all).or(others().next_back());
-                let source = own.or(other).map(|mark| self.folder.join(&mark.file));
-                let last = (last, others().map(|mark| mark.sub_frame).max().unwrap_or(0));
+                let source = own.filter(is_there).or(other).map(|mark| self.folder.join(&mark.file));
+                let last = (last, of_object().map(|mark| mark.sub_frame).max().unwrap_or(0));
                 Continuation::NewForm(source.unwrap_or_else(|| cache.path.clone()), last)
             }
         }
     }
 
-    /// Finds out whether a cache can go on; changes nothing.
-    pub(super) fn check(&self, cache: &Planned, plan: CachePlan<'_>) -> Result<(), IoError> {
+    /// Finds out whether a cache can go on; changes nothing. Returns a note if it is gone and written again from another one.
+    pub(super) fn check(&self, cache: &Planned, plan: CachePlan<'_>) -> Result<Option<String>, IoError> {
         match self.continuation(cache) {
-            Continuation::New => Ok(()),
-            Continuation::Behind(mark) => (cache.check)(&cache.path, &plan, mark),
-            Continuation::NewForm(source, last) => new_form(cache, plan).check(&source, last),
+            Continuation::New => Ok(None),
+            Continuation::Behind(mark) => (cache.check)(&cache.path, &plan, mark).map(|()| None),
+            Continuation::NewForm(source, last) => {
+                new_form(cache, plan).check(&source, last)?;
+                let is_lost = !self.other_form && self.marks.iter().any(|mark| mark.file == file_name(&cache.path));
+                let (lost, source) = (file_name(&cache.path), file_name(&source));
+                Ok(is_lost.then(|| format!("{lost} is missing; its frames are written again from {source}")))
+            }
         }
     }
 

@@ -207,7 +207,8 @@ impl<'a> Run<'a> {
         };
         let other_form = earlier.as_ref().is_some_and(differs);
         if let Some(found) = &found {
-            check_resume(&shot, out, &found.checkpoint.head, other_form)?;
+            let lost = check_resume(&shot, out, &found.checkpoint.head, other_form)?;
+            lost.into_iter().for_each(|text| observer.note(text));
         }
         let reserve = Reserve::take(out)?;
         let mut attempts = earlier.as_ref().map_or_else(Vec::new, |earlier| earlier.attempts.clone());
@@ -281,18 +282,14 @@ impl<'a> Run<'a> {
             ));
         }
         let Some(found) = found else {
-            let output = Output::create(shot, start)?;
-            belts::write(shot, out)?;
-            return Ok((output, SoFar::default()));
+            return Ok((Output::create(shot, start)?, SoFar::default()));
         };
         let head = &found.checkpoint.head;
         let so_far = SoFar::of(found, shot.about.timeline.start, record, observer);
         let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
         let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
         observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
-        let output = Output::resume(shot, start, from)?;
-        belts::write(shot, out)?;
-        Ok((output, so_far))
+        Ok((Output::resume(shot, start, from)?, so_far))
     }
 
     /// Opens the writer of the cloth after lines of the listings, then all frames that are missing.

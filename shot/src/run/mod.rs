@@ -8,6 +8,7 @@ mod counted;
 mod dump;
 mod folder;
 mod frame_loop;
+mod ignored;
 mod input_watch;
 mod kept_frames;
 mod observer;

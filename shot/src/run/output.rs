@@ -26,9 +26,10 @@ use crate::point_attributes::FrameAttributes;
 use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
-use crate::run::belts;
+use crate::run::belts::{self, BeltDigests};
 use crate::run::continued::{Continued, Planned};
 use crate::run::folder::{file_name, files_of_run, remove, write_fingerprint};
+use crate::run::ignored::Ignored;
 use crate::run::options::RunOptions;
 use crate::run::totals::Totals;
 use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
@@ -58,6 +59,8 @@ pub(super) struct Output {
     garments: usize,
     /// Files over all caches of a format.
     layers: Vec<ShotLayer>,
+    /// Digests of the caches of belts.
+    belts: BeltDigests,
     /// The shot as one file, if the scene asks for it; there when the run is done.
     single: Option<PathBuf>,
     /// Frames per second.
@@ -112,7 +115,8 @@ impl Output {
         record.line(&shot.header(start.options.threads))?;
         let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
         let writers = of_objects(shot, &planned, create)?;
-        Self::new(shot, &planned, manifest, record, (folder, writers))
+        let belts = belts::write(shot, &folder)?;
+        Self::new(shot, &planned, manifest, record, (folder, writers, belts))
     }
 
     /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
@@ -129,6 +133,7 @@ impl Output {
             continued.open(cache, plan, &mut take)
         };
         let writers = of_objects(shot, &planned, resume)?;
+        let belts = belts::write(shot, &folder)?;
         // Of the frames so far it would hold too many or too few, whether this run writes it again or not.
         let is_single = |path: &&PathBuf| formats::of_file(path).is_some_and(|format| format.single.is_some());
         listed_layers(&folder).iter().filter(is_single).try_for_each(|path| remove(path))?;
@@ -145,15 +150,17 @@ impl Output {
             "counts_lost": from.account.is_none() && from.head.sub_step > 0,
         }))?;
         if from.other_form {
-            let lines = rewritten.into_inner();
+            let mut lines = rewritten.into_inner();
+            let of_belts = |frame: &i64| belts.get(&(*frame, 0)).cloned().unwrap_or_default();
+            lines.iter_mut().for_each(|(frame, all)| all.extend(of_belts(frame)));
             lines.iter().try_for_each(|(frame, all)| record.line(&digests_record(*frame, all)))?;
         }
         let mut manifest = manifest(shot, start.options, &planned, start.attempts);
-        manifest.former = former(&folder, &paths(&planned));
+        manifest.former = former(&folder, &planned_files(shot, &folder));
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
-        let output = Self::new(shot, &planned, manifest, record, (folder, writers))?;
+        let output = Self::new(shot, &planned, manifest, record, (folder, writers, belts))?;
         output.write_layers(from.head.delivered)?;
         Ok(output)
     }
@@ -163,7 +170,7 @@ impl Output {
         planned: &[Planned],
         manifest: Manifest,
         record: RunRecord,
-        (folder, writers): (PathBuf, Vec<Vec<Box<dyn CacheWriter>>>),
+        (folder, writers, belts): (PathBuf, Vec<Vec<Box<dyn CacheWriter>>>, BeltDigests),
     ) -> Result<Self, IoError> {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
@@ -186,6 +193,7 @@ impl Output {
             other_cuts,
             garments,
             layers,
+            belts,
             single,
             fps,
         })
@@ -241,6 +249,7 @@ impl Output {
                 spent.stage("render meshes", |_| self.write_render_meshes(sample, remote_simulation, render_meshes));
             digests.extend(written?);
         }
+        digests.extend(self.belts.get(&sample).cloned().unwrap_or_default());
         Ok(digests)
     }
 
@@ -442,10 +451,12 @@ impl Output {
 }
 
 /// Refuses what [`Output::resume`] would refuse, as long as nothing is touched: a cache that is missing, damaged, too long or of
-/// another plan.
-pub(super) fn check_resume(shot: &Shot, folder: &Path, head: &Head, other_form: bool) -> Result<(), IoError> {
+/// another plan. Returns notes of caches that are written again because they are gone.
+pub(super) fn check_resume(shot: &Shot, folder: &Path, head: &Head, other_form: bool) -> Result<Vec<String>, IoError> {
     let continued = Continued::of(head, folder, other_form);
-    planned(shot, folder).iter().try_for_each(|cache| continued.check(cache, cache_plan(shot, cache.object)))
+    let planned = planned(shot, folder);
+    let notes = planned.iter().filter_map(|cache| continued.check(cache, cache_plan(shot, cache.object)).transpose());
+    notes.collect()
 }
 
 /// Returns the entry of a checkpoint in the manifest.
@@ -498,9 +509,9 @@ pub(super) fn planned_layers(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     layers(shot, &planned(shot, folder), folder).into_iter().map(|layer| layer.path).collect()
 }
 
-/// The caches that a shot writes into a folder.
+/// The caches that a shot writes into a folder, those of belts too.
 pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
-    paths(&planned(shot, folder))
+    paths(&planned(shot, folder)).into_iter().chain(belts::files(shot, folder)).collect()
 }
 
 /// Names of caches in a folder that its manifest lists, and that are not written any more.
@@ -546,6 +557,7 @@ fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
 
 fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Vec<AttemptRecord>) -> Manifest {
     let about = &shot.about;
+    let Ignored { pairs: ignored, parts } = Ignored::of(shot.simulation().scene().description());
     let followed = shot.render_meshes.iter().map(|mesh| Some(about.garments[mesh.garment].clone()));
     let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
     let garments = shot.cache_names().zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
@@ -556,6 +568,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
             points: plan.mesh.point_count(),
             material: fabric.map(|fabric| fabric.name.clone()),
             strain_limit: fabric.map(|fabric| fabric.strain_limit),
+            parts: parts.get(index).cloned().unwrap_or_default(),
             render_mesh_of,
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }
@@ -575,7 +588,8 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         up_axis: format!("{:?}", about.output.units.up),
         origin: shot.origin().into(),
         garments: garments.collect(),
-        ignored: shot.simulation().scene().description().ignored_garments(),
+        bodies: belts::listed(shot, &options.out),
+        ignored,
         layers: over.chain(shot.single_layer(&options.out)).map(|path| file_name(&path)).collect(),
         threads: options.threads,
         former: Vec::new(),

@@ -75,7 +75,8 @@ pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&
         return Ok(());
     }
     if let Some(path) = files_of_run(&options.out, &planned_outputs(shot, &options.out)).into_iter().next() {
-        return Err(IoError::OutputExists { path }.into());
+        let is_run = earlier.is_some();
+        return Err(if is_run { IoError::OutputExists { path } } else { IoError::FileExists { path } }.into());
     }
     match options.resume {
         Resume::Frame(_) => Err(ShotError::Resume(format!(

@@ -1,6 +1,7 @@
 //! `manifest.json`: what a folder of output holds.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -44,9 +45,13 @@ pub struct Manifest {
     pub up_axis: String,
     /// Origin of the positions in the caches [m], Y up.
     pub origin: [f64; 3],
-    /// Caches.
+    /// Caches of garments.
     pub garments: Vec<ManifestGarment>,
-    /// Garments that pass through each other by a rule of the scene; one twice for its own layers.
+    /// Caches of bodies that the program makes: belts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<ManifestBody>,
+    /// Garments, and parts of them as `GARMENT.PART`, that pass through each other by a rule of the scene; one twice for its own layers.
+    /// A garment with `parts` stands for the rest of it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ignored: Vec<[String; 2]>,
     /// Files over all caches of a format, relative to the folder.
@@ -128,8 +133,43 @@ pub struct ManifestGarment {
     /// The garment that it is the render mesh of, if it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub render_mesh_of: Option<String>,
+    /// Parts that rules of contact name where something passes through something: ranges of points, each with its last one.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parts: BTreeMap<String, Vec<[u32; 2]>>,
     /// File names, relative to the folder.
     pub files: Vec<String>,
+}
+
+/// The caches of a body.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ManifestBody {
+    /// Its name.
+    pub name: String,
+    /// File names, relative to the folder.
+    pub files: Vec<String>,
+}
+
+impl ManifestGarment {
+    /// The name in `ignored` of the garment or the part that all these points belong to: the garment where they belong to several.
+    pub fn object_of(&self, points: &[u32]) -> String {
+        let holds = |ranges: &[[u32; 2]], point: u32| {
+            let next = ranges.partition_point(|[first, _]| *first <= point);
+            next.checked_sub(1).is_some_and(|place| point <= ranges[place][1])
+        };
+        // Of parts that overlap the last one has the point, as in the solver.
+        let part = |point: u32| self.parts.iter().rfind(|(_, ranges)| holds(ranges, point)).map(|(name, _)| name);
+        let first = points.first().and_then(|point| part(*point));
+        match first.filter(|first| points.iter().all(|point| part(*point) == Some(*first))) {
+            Some(part) => part_name(&self.name, part),
+            None => self.name.clone(),
+        }
+    }
+}
+
+/// A part of a garment by its name, as in `coat.pocket`.
+pub fn part_name(garment: &str, part: &str) -> String {
+    format!("{garment}.{part}")
 }
 
 impl Manifest {
@@ -164,8 +204,8 @@ impl ManifestLock {
 pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
     let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
     let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
-    let garments = manifest["garments"].as_array().into_iter().flatten();
-    caches_in(folder, garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()))
+    let objects = ["garments", "bodies"].into_iter().flat_map(|kind| manifest[kind].as_array().into_iter().flatten());
+    caches_in(folder, objects.flat_map(|object| object["files"].as_array().into_iter().flatten()))
 }
 
 /// Caches that the manifest of a folder lists as those of earlier attempts, and nothing else that it may name.

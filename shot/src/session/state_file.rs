@@ -6,7 +6,7 @@ use std::path::Path;
 use drapery_core::Vec3;
 use drapery_core::scene::BodyShape;
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource, ValueKind, Values};
-use drapery_io::atomic_file::{check_name, put, unfinished};
+use drapery_io::atomic_file::{check_own, put, unfinished};
 use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::{CheckpointReader, CheckpointWriter, FORMAT_VERSION, Head, damaged};
 use drapery_io::error::IoError;
@@ -23,12 +23,13 @@ impl Session {
     /// on any number of threads. The file appears as a whole or not at all.
     ///
     /// # Errors
-    /// The file cannot be written, or a folder, a pipe, a socket or a device has its name; an input of the shot can no longer be read; as [`Session::shot`].
+    /// The file cannot be written; a folder, a pipe, a socket, a device or a file that is no checkpoint has its name; an input of the shot can no longer be read; as [`Session::shot`].
     pub fn save_file(&self, path: &Path) -> Result<(), ShotError> {
         if path.to_str().is_none() {
             return Err(IoError::OutputNotUtf8 { path: path.to_owned() }.into());
         }
-        check_name(path)?;
+        // The start of a file tells too little: files of other programs are HDF5 too.
+        check_own(path, "checkpoint", |_| CheckpointReader::open(path).is_ok())?;
         let (shot, part) = (self.shot()?, unfinished(path));
         let (simulation, timeline) = (shot.simulation(), shot.timeline());
         let head = Head {
@@ -77,8 +78,7 @@ impl Session {
         let points = self.body_points()?;
         let moved = read_moved(&mut reader, path, &points)?;
         let (frame, sub_step) = (reader.head.frame, reader.head.sub_step);
-        self.moved = moved;
-        self.go_to(frame, &mut reader, path)?;
+        self.go_to((frame, moved), &mut reader, path)?;
         (self.sub_step, self.so_far, self.summary) = (sub_step, None, None);
         Ok(())
     }

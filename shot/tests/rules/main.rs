@@ -39,6 +39,14 @@ fn with(tables: &str) -> String {
     format!("{SHEET}{tables}")
 }
 
+/// The scene with a seam between two corners of the sheet.
+fn seam(keys: &str) -> String {
+    with(&format!(
+        "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
+         to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
+    ))
+}
+
 /// A box between two corners that hardly moves in frames 1 to 4, at a number of frames per second; `says` whether the file says so.
 fn hero(folder: &Path, corners: [[f32; 3]; 2], fps: f64, says: bool) {
     hero_with(folder, corners, (fps, says), (4.0 * fps / 24.0) as usize);
@@ -236,7 +244,9 @@ fn an_up_axis_that_a_standing_body_or_gravity_contradicts_is_told_and_a_lying_bo
     let lying = [[-0.8, 0.0, 0.0], [0.8, 0.3, 1.7]];
     let crouching = [[-0.4, 0.0, -0.5], [0.4, 0.7, 0.5]];
     let lying_afar = [[-0.8, -0.15, 2.0], [0.8, 0.15, 3.7]];
-    for pose in [lying, crouching, lying_afar] {
+    // Ground with bumps, to one side of the origin, and a wide one.
+    let (floor, wide) = ([[-2.0, -0.05, 0.0], [2.0, 0.05, 4.0]], [[-5.0, -0.4, 0.0], [5.0, 0.4, 4.0]]);
+    for pose in [lying, crouching, lying_afar, floor, wide] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         hero(folder.path(), pose, 24.0, true);
         assert_eq!(warnings(folder.path(), &with(HERO)), [], "{pose:?}");
@@ -444,12 +454,16 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
         "idle_setting",
         standing,
         &[
+            (&seam("keep_gap = true\nrest_gap = 0.1"), &["seam 0: `rest_gap` changes nothing here", "keep_gap"]),
+            (&seam("keep_gap = true\nzip = true"), &["seam 0: `zip` changes nothing here", "keep_gap"]),
             (&halves("1e-6"), &["contact 2: it changes nothing here", "smaller parts"]),
             (&ball("ambient = 90000"), &["garment \"sheet\", pressure: `ambient` changes nothing here", "gas = true"]),
             (&held, &["body \"hero\": `rest` changes nothing here", "preroll"]),
         ],
         &[
             &halves("0.2"),
+            &seam("keep_gap = true\nzip = true\nstart = 0\nclosed = 0\nopens = 0.02"),
+            &seam("rest_gap = 0.1\nzip = true"),
             &ball("ambient = 90000\ngas = true"),
             &held.replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 2 }"),
         ],
@@ -460,12 +474,6 @@ fn numbers_that_change_nothing_are_told_with_what_they_need() {
 fn times_outside_the_shot_are_told_in_seconds() {
     // Frames 2 and 3 are at 0 and 0.0417 s.
     let pin = |keys: &str| with(&format!("[[garment.pin]]\ncorners = [\"i0j0\", \"inj0\"]\n{keys}\n"));
-    let seam = |keys: &str| {
-        with(&format!(
-            "[[seam]]\nfrom = {{ garment = \"sheet\", corners = [\"i0j0\"] }}\n\
-             to = {{ garment = \"sheet\", corners = [\"inj0\"] }}\nstrength = 1\n{keys}\n"
-        ))
-    };
     let ball = |keys: &str| with(&format!("{BALL}{keys}\n"));
     let wind = |keys: &str| with(&format!("[wind]\ndensity = 1\nkeys = {keys}\n"));
     rule(
@@ -474,6 +482,7 @@ fn times_outside_the_shot_are_told_in_seconds() {
         &[
             (&pin("from = 1.5"), &["pin 0: it never holds: `from` is at 1.5 s, after the last frame", "0.0417 s"]),
             (&pin("until = 0"), &["it never holds: `until` is at 0 s, before"]),
+            (&pin("until = 7"), &["it is never released: `until` is at 7 s, after the last frame"]),
             (&pin("from = 3"), &["write 0.0417 in `from` for frame 3"]),
             (&pin("path = [[2, [0, 0, 0]], [3, [0, 1, 0]]]"), &["nothing moves in the shot: `path` is at 2 s"]),
             (&pin("path = [[-2, [0, 0, 0]], [-1, [0, 0, 0]]]"), &["`path` is at -1 s, before"]),
@@ -488,7 +497,6 @@ fn times_outside_the_shot_are_told_in_seconds() {
         ],
         &[
             &pin("from = 0\nuntil = 0.04"),
-            &pin("until = 9"),
             &pin("path = [[9, [0, 0, 0]]]"),
             &pin("until = -0.2").replace("frames = \"2-3\"", "frames = \"2-3\"\npreroll = { settle = 24 }"),
             &seam("start = 0\nclosed = 0\nopens = 0.02"),

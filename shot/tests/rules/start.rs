@@ -128,6 +128,7 @@ fn a_garment_that_starts_closer_to_a_body_than_its_thickness_is_told_with_both_r
                     "of 40.00 mm, which the scene sets",
                     "model it at least 40.00 mm off",
                     "help: write thickness = \"",
+                    "with silence = [\"thin_body\"] in [check]",
                 ],
             ),
             (

@@ -43,14 +43,14 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
     // The first frame is the start, where nothing is simulated yet.
     let studied = study.compared.last().map_or("no frames".to_owned(), |last| text::frames(scene.start + 1, *last));
     let mut header = format!(
-        "<header><h1>{}: accuracy and its cost in time</h1><p>{} triangles · studied: {} of {} to {} · {} threads</p>\
+        "<header><h1>{}: accuracy and its cost in time</h1><p>{} triangles · studied: {} of {} to {} · {}</p>\
          <p class=\"say\">{}</p>",
         escape(&scene.shot),
         text::count(scene.triangles),
         studied,
         scene.frames[0],
         scene.frames[1],
-        study.machine.threads,
+        text::threads(study.machine.threads),
         escape(&capital(&recommendation(study, analysis, study.budget))),
     );
     for warning in warnings(study, analysis) {

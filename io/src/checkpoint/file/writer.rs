@@ -246,7 +246,7 @@ fn lay_out_head(path: &Path, head: &Head, text: &str, hash: &str) -> hdf5::Resul
 
 /// The library says in words what the system refused; the usual reason is a full disk.
 fn library_refused(path: &Path, error: &hdf5::Error) -> IoError {
-    IoError::writing(path, std::io::Error::other(format!("HDF5: {error}")))
+    IoError::writing(path, hdf5_file::refused(error))
 }
 
 fn attribute<T: H5Type>(place: &Group, name: &str, value: &T) -> hdf5::Result<()> {

@@ -26,7 +26,7 @@ use crate::atomic_file::unfinished;
 use crate::attributes::{LISTED, PREF, PointAttributes, PointValues};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
+use crate::formats::continuing::{cannot_continue, digest_of, hexadecimal, lost, marked_frames, sync_name, too_short};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs, reverse};
 use crate::normals::SplitNormals;
@@ -561,7 +561,7 @@ fn not_continued(path: &Path, mark: &CacheMark, error: AlembicError) -> IoError 
     let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
     match error {
         AlembicError::Io { ref source, action: "open", .. } if source.kind() == ErrorKind::NotFound => {
-            cannot_continue(path, frame, "the cache is missing")
+            lost(path, frame)
         }
         AlembicError::Io { .. } => error.into(),
         AlembicError::Damaged { place, reason, .. } => cannot_continue(path, format!("{frame}, {place}"), reason),

@@ -11,7 +11,8 @@ use super::layout::{Offsets, create_file, read_layout};
 use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::formats::continuing::{cannot_continue, hexadecimal, lost, marked_frames, remove, sync_name, too_short};
+use crate::hdf5_file;
 use crate::written_file;
 
 /// An HDF5 cache being written.
@@ -94,7 +95,7 @@ impl Hdf5Writer {
         let failed = |e| IoError::writing(path, e);
         let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
         if !path.try_exists().map_err(failed)? {
-            return Err(cannot_continue(path, frame, "the cache is missing"));
+            return Err(lost(path, frame));
         }
         let data = plan.mesh.read()?;
         let layout = read_layout(path, plan, &data).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
@@ -151,7 +152,7 @@ impl Hdf5Writer {
 fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
     let part = unfinished(path);
     // The library tells in words what the system refused; the usual reason is a full disk.
-    let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
+    let refused = |what: String| IoError::writing(&part, hdf5_file::refused(what));
     let data = plan.mesh.read()?;
     // The library does not say in a form for programs why it cannot create a file.
     File::create(&part).map_err(|e| IoError::creating(&part, e))?;

@@ -26,7 +26,7 @@ use crate::atomic_file::unfinished;
 use crate::attributes::{PointAttributes, REST};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::formats::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::formats::continuing::{cannot_continue, hexadecimal, lost, marked_frames, remove, sync_name, too_short};
 use crate::formats::{Part, ShotFiles, remove_folder};
 use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
@@ -159,7 +159,7 @@ impl UsdWriter {
         let last = mark.last_frame.unwrap_or(plan.first_frame);
         let refused = |what: &str| cannot_continue(path, format!("frame {last}"), what);
         let layer = match fs::read_to_string(path) {
-            Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the cache is missing")),
+            Err(e) if e.kind() == ErrorKind::NotFound => return Err(lost(path, format!("frame {last}"))),
             layer => layer.map_err(failed)?,
         };
         if let Some(held) = last_frame_in(&layer).filter(|held| *held > plan.last_frame) {

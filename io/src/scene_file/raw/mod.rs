@@ -167,8 +167,8 @@ pub(in crate::scene_file) struct Body {
     /// An Alembic, USD or OBJ file, relative to the scene file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
-    /// With `file`: pattern of the paths of its meshes, as in "/hero/geo/*"; several meshes are merged into one body.
-    /// With `shape`: points of its motion, [[seconds since the first frame, [x, y, z]], …], joined by straight lines.
+    /// With `file`: a text, the one pattern of the paths of its meshes, as in "/hero/geo/*"; several meshes are merged into one body.
+    /// With `shape`: a list, the points of its motion, [[seconds since the first frame, [x, y, z]], …], joined by straight lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) path: Option<BodyPath>,
     /// With `file`: the pose in which the cloth settles, as "file.abc@frame"; needed to blend in the pre-roll.

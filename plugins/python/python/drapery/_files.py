@@ -205,10 +205,9 @@ def report(folder: PathLike) -> Path:
 def compare(folders: Iterable[PathLike], page: PathLike = "comparison.html") -> Path:
     """Writes a page with runs side by side, as ``drapery report A B`` does, and its table beside it as CSV; returns the page's path.
 
-    Raises InputError if a folder holds no run, OutputError if a file cannot be written.
+    Raises InputError if a folder holds no run, OutputError if a file cannot be written or is there and is no page or table of Drapery.
     """
-    _native.compare([os.fspath(folder) for folder in folders], os.fspath(page))
-    return Path(page)
+    return _native.compare([os.fspath(folder) for folder in folders], os.fspath(page))
 
 
 def view(folder: PathLike, page: PathLike) -> Path:

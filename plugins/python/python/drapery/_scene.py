@@ -490,7 +490,8 @@ class Simulation:
         self._native.restore(state)
 
     def save_file(self, path: PathLike) -> None:
-        """Writes the present state to a file, as a whole or not at all. Raises OutputError if the disk refuses."""
+        """Writes the present state to a file, as a whole or not at all. Raises OutputError if the disk refuses, or if the file is there and
+        is no checkpoint."""
         self._native.save_file(os.fspath(path))
 
     def restore_file(self, path: PathLike) -> None:

@@ -119,6 +119,13 @@ fn a_lock_that_cannot_be_understood_is_judged_by_its_age() {
     let take_after = |age| RunLock::take(folder.path(), &me(), false, written + age).unwrap_err().to_string();
     assert!(take_after(DEAD_AFTER / 2).contains("in progress by an unknown process"));
     assert!(take_after(DEAD_AFTER).contains("--steal-lock"));
+    assert!(take_after(DEAD_AFTER).contains("lock.json is damaged"));
+    // So is one whose heartbeat is no time.
+    let text = content(&elsewhere(), at(NOW)).replace(&NOW.to_string(), &u64::MAX.to_string());
+    fs::write(folder.path().join(LOCK), text).unwrap();
+    let written = fs::metadata(folder.path().join(LOCK)).unwrap().modified().unwrap();
+    let refused = RunLock::take(folder.path(), &me(), false, written + DEAD_AFTER).unwrap_err().to_string();
+    assert!(refused.contains("--steal-lock"), "{refused}");
 }
 
 #[test]
