@@ -155,7 +155,7 @@ pub(crate) fn check_faces(
         !seen.insert(key)
     });
     let place = place(motion, span, span.first_time());
-    let mut problems = flat_faces_told(triangles, &positions, &place, warnings);
+    let mut problems = problems_of_flat_faces(triangles, &positions, &place, warnings);
     problems.extend(listed(doubled).map(|list| {
         Problem::data(&place, format!("faces between the points {list} are duplicates"), "delete the duplicate faces")
     }));
@@ -175,7 +175,7 @@ pub(crate) fn check_faces(
 
 /// Lists faces without area. Contact takes such a face for its edges, so a few are a warning; a body without any other face is a
 /// problem, and so are faces that may have lost their area to rounding far from the origin.
-fn flat_faces_told(
+fn problems_of_flat_faces(
     triangles: &[[u32; 3]],
     positions: &[Vec3],
     place: &str,

@@ -39,18 +39,6 @@ fn steps_far_too_long_are_tried_again_with_shorter_ones_and_counted() {
 }
 
 #[test]
-fn a_rate_of_strain_that_grows_between_collisions_is_tried_again_before_steps_become_too_short() {
-    let mut description = reckless(8);
-    for effect in ["self_repulsion", "self_collision"] {
-        description.effects.push(EffectRequest::of_scene(effect));
-    }
-    description.solver.min_dt = 1e-5;
-    let mut simulation = start(description);
-    let retried: u64 = (0..12).map(|_| run(&mut simulation, 1).metrics.counted("retried_shorter")).sum();
-    assert!(retried > 0);
-}
-
-#[test]
 fn calm_cloth_is_never_tried_again() {
     let mut description = reckless(8);
     description.solver.cfl = 2.0;

@@ -198,7 +198,7 @@ impl Simulation {
     }
 
     /// B: one time step towards `end` [s], the first of a collision step or one that `follows` others; what went wrong in it.
-    fn time_step(
+    pub(super) fn time_step(
         &mut self,
         follows: bool,
         end: f64,

@@ -495,7 +495,7 @@ mod tests {
     use super::*;
     use crate::mesh::PolygonMesh;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
-    use crate::simulation::FrameInput;
+    use crate::simulation::{FrameInput, FrameSummary};
 
     /// The levels taken until none is left or the state is accepted.
     fn levels(failure: FailureKind, scene: [bool; 2]) -> Vec<RetryLevel> {
@@ -530,8 +530,8 @@ mod tests {
         assert_eq!(levels(FailureKind::Short, [true; 2]), [Shorter, Shorter, Tighter]);
     }
 
-    #[test]
-    fn velocities_that_grow_while_steps_shrink_have_gone_wrong_and_fast_ones_have_not() {
+    /// A triangle of springs, of which a corner flies away at 1e5 m/s.
+    fn fast_triangle() -> Simulation {
         let corners = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]].map(Vec3::from);
         let mesh = PolygonMesh::from_triangles(corners.to_vec(), &[[0, 1, 2]]);
         let mut description = SceneDescription::new("fast");
@@ -541,6 +541,12 @@ mod tests {
         let start = FrameInput::to_frame(scene.description().timeline.start);
         let mut simulation = Simulation::new(scene, &start).unwrap_or_else(|problems| panic!("{problems}"));
         simulation.cloth.state.v[1] = Vec3::x() * 1e5;
+        simulation
+    }
+
+    #[test]
+    fn velocities_that_grow_while_steps_shrink_have_gone_wrong_and_fast_ones_have_not() {
+        let mut simulation = fast_triangle();
         let rate = simulation.rate_of_strain();
         // Each step is as long as the rate of strain allows.
         let dt = simulation.scene.description().solver.largest_strain_per_step() / rate;
@@ -548,6 +554,24 @@ mod tests {
             simulation.retry.note_step(dt, rate / growth, &StepReport::default());
             assert_eq!(simulation.find_failure(Ending::Resolved), failure, "{growth}");
         }
+    }
+
+    #[test]
+    fn a_rate_of_strain_that_allows_no_step_ends_the_run_where_the_state_was_accepted_and_not_before() {
+        let mut simulation = fast_triangle();
+        simulation.keep_collision_free_state();
+        simulation.cloth.state.v[1] = Vec3::x() * 1e12;
+        let mut summary = FrameSummary::empty(1);
+        let end = simulation.scene.description().timeline.frame_duration();
+        for (speed, failure) in
+            [(1e12, FailureKind::Wild), (f64::INFINITY, FailureKind::NotFinite("the end of the step"))]
+        {
+            simulation.cloth.state.v[1] = Vec3::x() * speed;
+            simulation.limit.forget_rate();
+            assert_eq!(simulation.time_step(true, end, &mut summary), Ok(Some(failure)));
+        }
+        let ended = simulation.time_step(false, end, &mut summary);
+        assert!(matches!(ended, Err(StepError::StepTooSmall { .. })), "{ended:?}");
     }
 
     #[test]
