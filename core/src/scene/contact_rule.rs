@@ -112,13 +112,6 @@ impl SceneDescription {
         self.curves = renamed.collect();
     }
 
-    /// Names of the garments of each rule by which garments, or parts of them, pass through each other.
-    pub fn ignored_garments(&self) -> Vec<[String; 2]> {
-        let garment = |side: ContactSide| Some(self.garments[side.garment()?].name.clone());
-        let names = |rule: &ContactRule| Some([garment(rule.between[0])?, garment(rule.between[1])?]);
-        self.contacts.iter().filter(|rule| rule.ignore).filter_map(names).collect()
-    }
-
     /// An object in words, as in `garment "skirt"`; its number if there is none.
     pub fn contact_side(&self, side: ContactSide) -> String {
         let words = |kind: &str, number: usize, name: Option<&String>| {
