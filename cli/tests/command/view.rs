@@ -192,7 +192,7 @@ fn a_written_page_holds_the_run_and_says_how_large_it_is() {
     assert_eq!(drapery(folder.path(), &["view", "out", "--page", "page.html"]).code, Some(0));
     let refused = drapery(folder.path(), &["view", "out", "--page", "scene.toml"]);
     assert!(
-        refused.code == Some(73) && refused.stderr.contains("scene.toml: this file is there"),
+        refused.code == Some(73) && refused.stderr.contains("scene.toml: this file exists already and is no page"),
         "{}",
         refused.stderr
     );

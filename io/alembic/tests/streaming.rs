@@ -143,6 +143,9 @@ fn a_continued_archive_refuses_other_settings() {
     let root = archive.root();
     let refused = XformWriter::declare(&mut archive, root, "cloth", other_rate).unwrap_err();
     assert!(refused.to_string().contains("/cloth:.xform/.inherits"), "{refused}");
+    // What was refused has used the name.
+    let mut archive = ArchiveWriter::append(&path).unwrap();
+    let root = archive.root();
     let cloth = archive.add_object(root, "cloth", &MetaData::new()).unwrap();
     let mesh = archive.add_object(cloth, "clothShape", &MetaData::new()).unwrap();
     assert!(write_face_set(&mut archive, mesh, "panel", &[1], true).is_err(), "other faces");

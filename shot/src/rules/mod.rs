@@ -40,7 +40,7 @@ use crate::inputs::Inputs;
 use crate::render_mesh::JudgedBinding;
 use crate::written_faces::OtherCut;
 
-/// A number rounded down, so that what is written holds: so many decimals, or more where two digits need them.
+/// A number rounded down to a number of decimals, or to more where two digits need them, so that the written value holds.
 fn rounded_down(value: f64, decimals: usize) -> String {
     // Of a number above zero.
     let needed = (1.0 - value.log10().floor()).clamp(0.0, 15.0) as usize;
