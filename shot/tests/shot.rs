@@ -345,7 +345,10 @@ fn faces_that_rounding_has_taken_far_from_the_origin_are_told_from_bad_ones() {
         assert!(far.contains(part), "{part}: {far}");
     }
     assert!(!far.contains("delete these faces"), "{far}");
-    let flat = problems_of(&[1001, 1002, 1003], |_, points, _| points.fill(points[1]));
+    let flat = problems_of(&[1001, 1002, 1003], |_, points, _| {
+        let corner = points[1];
+        points.fill(corner);
+    });
     assert!(flat.contains("delete these faces") && !flat.contains("transform"), "{flat}");
 }
 

@@ -145,9 +145,10 @@ fn a_continued_archive_refuses_other_settings() {
     assert!(refused.to_string().contains("/cloth:.xform/.inherits"), "{refused}");
     // What was refused has used the name.
     let mut archive = ArchiveWriter::append(&path).unwrap();
+    let sampling = archive.add_time_sampling(TimeSampling::frames(1001.0, 24.0).unwrap()).unwrap();
     let root = archive.root();
-    let cloth = archive.add_object(root, "cloth", &MetaData::new()).unwrap();
-    let mesh = archive.add_object(cloth, "clothShape", &MetaData::new()).unwrap();
+    let cloth = XformWriter::declare(&mut archive, root, "cloth", sampling).unwrap().object();
+    let mesh = PolyMeshWriter::declare(&mut archive, cloth, "clothShape", sampling).unwrap().object();
     assert!(write_face_set(&mut archive, mesh, "panel", &[1], true).is_err(), "other faces");
 }
 
