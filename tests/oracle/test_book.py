@@ -37,7 +37,7 @@ QUESTIONS = [
     ("wind", "howto/flag"),
     ("layers", "howto/layers"),
     ("cape", "howto/cape"),
-    ("silk", "howto/fabric"),
+    ("silk", "howto/fabric", "guide/materials"),
     ("stiffer fabric", "howto/fabric"),
     ("painted map", "howto/painted_maps"),
     ("vertex map", "howto/painted_maps"),

@@ -28,7 +28,7 @@ def test_the_program_is_small_and_its_lines_are_found_beside_it():
     assert "cli/src/main.rs:" in output("addr2line", "--exe", str(drapery), address)
 
 
-@pytest.mark.parametrize("name", ["accuracy", "plan", "ranks", "self_contact", "speed", "study", "symptoms", "words"])
+@pytest.mark.parametrize("name", ["accuracy", "plan", "ranks", "self_contact", "speed", "study", "symptoms"])
 def test_every_table_of_a_measurement_has_its_place_in_a_page(name, monkeypatch):
     monkeypatch.syspath_prepend(ROOT)
     page = importlib.import_module("measure.page")
