@@ -159,7 +159,7 @@ fn a_cancelled_frame_goes_on_and_states_come_back_with_the_same_bits() {
 fn a_state_that_cannot_be_restored_leaves_bodies_where_the_program_has_them() {
     let folder = tempfile::tempdir().unwrap();
     let body = body_file(folder.path());
-    let (of_file, path) = (source(folder.path(), &body), folder.path().join(&body));
+    let (of_file, path) = (source(folder.path(), body), folder.path().join(body));
     let [mut tried, mut untried] = [session(&of_file), session(&of_file)];
     let start = tried.save().unwrap();
     advance(&mut tried, 1002, true);

@@ -209,7 +209,7 @@ impl Resolver<'_> {
             // A mesh without points is refused with all that are.
             if mesh.face_count() == 0 && mesh.point_count() > 0 {
                 let help = "export it with polygons, or choose another object with `path`".to_owned();
-                self.data_error(&here, &format!("garment \"{}\" has no faces", garment.name), help);
+                self.data_error(&here, format!("garment \"{}\" has no faces", garment.name), help);
                 return None;
             }
             self.has_room(&here, mesh.point_count() as f64)?;
