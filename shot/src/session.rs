@@ -251,10 +251,10 @@ impl Session {
         Ok(kept.get_or_insert_with(|| shot.remote_simulation.field(garment, field)))
     }
 
-    /// As [`Session::field`], for a caller that keeps it.
+    /// Takes a field of a garment out of the session, for a caller that keeps it.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Session::field`].
     pub fn take_field(&mut self, garment: usize, field: VertexField) -> Result<Vec<Vec3>, ShotError> {
         self.field(garment, field)?;
         let kept = &mut self.views[garment][usize::from(field == VertexField::Velocities)];

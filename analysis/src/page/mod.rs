@@ -63,7 +63,7 @@ pub(crate) fn write(path: &Path, page: &str) -> Result<(), IoError> {
 /// Makes sure that [`write`] would not replace anything but a page of Drapery.
 ///
 /// # Errors
-/// As there.
+/// The file is there and is no page of Drapery, or cannot be looked at.
 pub(crate) fn check(path: &Path) -> Result<(), IoError> {
     atomic_file::check_own(path, "page", |start| String::from_utf8_lossy(start).contains(MARK))
 }

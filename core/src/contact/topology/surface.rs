@@ -234,11 +234,8 @@ impl ContactSurface {
         let edges = self.sides.iter_mut().flatten().map(|(edge, _)| edge);
         renumber.renumber(edges.flatten());
         renumber.apply(&mut self.thickness, 0.0);
-        if let Some(friction) = &mut self.friction {
-            renumber.apply(friction, PLAIN);
-        }
-        if let Some(friction) = &mut self.body_friction {
-            renumber.apply(friction, [0.0; 2]);
+        for (painted, unknown) in [(&mut self.friction, PLAIN), (&mut self.body_friction, [0.0; 2])] {
+            painted.iter_mut().for_each(|painted| renumber.apply(painted, unknown));
         }
         renumber.apply(&mut self.rest, Vec3::zeros());
         renumber.apply(&mut self.object, UNKNOWN);
