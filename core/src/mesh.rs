@@ -3,6 +3,16 @@
 use crate::Vec3;
 use crate::tolerances::FLAT_CUT;
 
+/// The corners of each face, from the number of corners of every face and the point of every corner; ends before a face that
+/// has fewer corners than its count.
+pub fn faces<'a>(counts: &'a [u32], corners: &'a [u32]) -> impl Iterator<Item = &'a [u32]> {
+    counts.iter().scan(corners, |rest, count| {
+        let (face, after) = rest.split_at_checked(*count as usize)?;
+        *rest = after;
+        Some(face)
+    })
+}
+
 /// Polygons of any size over points [m]; kept for output exactly as they were read.
 ///
 /// Faces wind counter-clockwise seen from outside.
@@ -30,14 +40,9 @@ impl PolygonMesh {
         Self { points, face_counts: vec![3; triangles.len()], face_indices: triangles.concat() }
     }
 
-    /// The corners of each face. Assumes that the counts add up to the number of indices.
+    /// The corners of each face; ends before a face that has fewer indices than its count.
     pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
-        let mut start = 0;
-        self.face_counts.iter().map(move |count| {
-            let corners = &self.face_indices[start..start + *count as usize];
-            start += *count as usize;
-            corners
-        })
+        faces(&self.face_counts, &self.face_indices)
     }
 
     /// Triangulates every face by a rule that depends on the positions alone: quads along their shorter diagonal (the

@@ -16,7 +16,7 @@
 
 use crate::Vec3;
 use crate::geometry::shapes::Shape;
-use crate::mesh::PolygonMesh;
+use crate::mesh::{PolygonMesh, faces};
 
 /// Share of an area that a percentile covers.
 pub(crate) const COVERED: f64 = 0.95;
@@ -128,10 +128,7 @@ pub struct FaceSizes(Vec<(f64, f64)>);
 impl FaceSizes {
     /// Adds faces; points that are not there are those of a broken mesh, which is reported elsewhere.
     pub fn add(&mut self, counts: &[u32], corners: &[u32], points: &[Vec3]) {
-        let mut rest = corners;
-        for count in counts {
-            let Some((face, later)) = rest.split_at_checked(*count as usize) else { return };
-            rest = later;
+        for face in faces(counts, corners) {
             if face.iter().all(|corner| (*corner as usize) < points.len()) {
                 let Face { area, diameter, .. } = Face::of(face, points);
                 self.0.push((diameter, area));

@@ -1,7 +1,7 @@
 //! Start positions and start velocities of the points of a garment.
 
 use drapery_core::Vec3;
-use drapery_core::mesh::MeshStream;
+use drapery_core::mesh::{MeshStream, faces};
 use drapery_core::settings::Dimension;
 
 use crate::garment_mesh::GarmentMesh;
@@ -114,16 +114,11 @@ const OTHER_UNIT: f64 = 8.0;
 fn all_edges(mesh: &GarmentMesh, places: &[Vec3]) -> f64 {
     let at = |corner: &u32| places.get(*corner as usize).copied().unwrap_or_default();
     let mut sum = 0.0;
-    let mut of_face = |face: &[u32]| {
-        let next = face.iter().cycle().skip(1);
-        sum += face.iter().zip(next).map(|(a, b)| (at(a) - at(b)).norm()).sum::<f64>();
-    };
     // A file that cannot be read is reported elsewhere.
-    let _ = mesh.faces(&mut |counts, mut corners| {
-        for count in counts {
-            let (face, rest) = corners.split_at_checked(*count as usize).unwrap_or((corners, &[]));
-            of_face(face);
-            corners = rest;
+    let _ = mesh.faces(&mut |counts, corners| {
+        for face in faces(counts, corners) {
+            let next = face.iter().cycle().skip(1);
+            sum += face.iter().zip(next).map(|(a, b)| (at(a) - at(b)).norm()).sum::<f64>();
         }
     });
     sum

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use crate::Vec3;
 use crate::error::Problem;
-use crate::mesh::{MeshStream, PolygonMesh};
+use crate::mesh::{self, MeshStream, PolygonMesh};
 use crate::parallel::message::{codec, is_broken};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
@@ -61,12 +61,9 @@ impl<'a> BlockOfMesh<'a> {
         });
         let [face_counts, corners] = scatter_rows(ranks, &faces_of, |take| {
             let mut each = |counts: &[u32], corners: &[u32]| {
-                let mut rest = corners;
-                for count in counts {
-                    let Some((corners, after)) = rest.split_at_checked(*count as usize) else { return };
-                    rest = after;
+                for (count, face) in counts.iter().zip(mesh::faces(counts, corners)) {
                     given[1] += 1;
-                    take([std::slice::from_ref(count), corners]);
+                    take([std::slice::from_ref(count), face]);
                 }
             };
             read = std::mem::replace(&mut read, Ok(())).and(mesh.map_or(Ok(()), |mesh| mesh.faces(&mut each)));
