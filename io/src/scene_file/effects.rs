@@ -37,7 +37,6 @@ pub(super) fn tables(root: &Node) -> Vec<(&'static EffectSpec, Path)> {
 /// # Errors
 /// The first key or value of each table that does not fit; of unknown keys all.
 pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
-    refuse_lacking(root, sources)?;
     let mut refused: Option<SceneFileError> = None;
     for (spec, path) in tables(root) {
         let name = dotted(&path);
@@ -58,20 +57,28 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
     refused.map_or(Ok(()), Err)
 }
 
-/// Refuses tables of effects that this build lacks, at the top level or under a garment, before anyone takes them for
+/// Takes out the tables of effects that this build lacks, at the top level and under garments, before anyone takes them for
 /// misspelt words.
-fn refuse_lacking(root: &Node, sources: &Sources) -> Result<(), SceneFileError> {
-    let Some(table) = root.as_table() else { return Ok(()) };
-    let garments = match table.get("garment").map(|node| &node.value) {
-        Some(Value::Array(garments)) => garments.as_slice(),
-        _ => &[],
+///
+/// # Errors
+/// All of them.
+pub(super) fn take_lacking(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
+    let mut refused = Vec::new();
+    let mut take = |node: &mut Node| {
+        let Some(table) = node.as_table_mut() else { return };
+        table.0.retain(|entry| {
+            let problem = lacking(&entry.key);
+            let is_here = problem.is_none();
+            refused.extend(problem.map(|(what, advice)| sources.error(&entry.key_place, what, Some(advice))));
+            is_here
+        });
     };
-    for entry in std::iter::once(table).chain(garments.iter().filter_map(Node::as_table)).flat_map(|table| &table.0) {
-        if let Some((what, advice)) = lacking(&entry.key) {
-            return Err(sources.error(&entry.key_place, what, Some(advice)));
-        }
+    take(root);
+    let garments = root.as_table_mut().and_then(|table| table.get_mut("garment"));
+    if let Some(Value::Array(garments)) = garments.map(|node| &mut node.value) {
+        garments.iter_mut().for_each(take);
     }
-    Ok(())
+    refused.into_iter().reduce(SceneFileError::and).map_or(Ok(()), Err)
 }
 
 /// The requests that the tables of a checked tree make.

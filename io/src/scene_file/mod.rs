@@ -157,13 +157,15 @@ pub fn parse_with(
     search.maps.apply_to_files(&mut root);
     let curves = curves::take(&mut root, &sources, folder)?;
     let map_curves = curves::take_maps(&mut root, &sources)?;
+    let here = effects::take_lacking(&mut root, &sources);
     let checked = effects::check_and_fill(&mut root, &sources);
+    let refused = [here, checked].into_iter().filter_map(Result::err).reduce(SceneFileError::and);
     let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
     let own = fields::without(root.clone(), of_effects);
-    let document: raw::Document = match (checked, deserialize::read(&own, &sources, names_at)) {
-        (Ok(()), read) => read?,
-        (Err(first), Err(other)) => return Err(first.and(other)),
-        (Err(error), Ok(_)) => return Err(error),
+    let document: raw::Document = match (refused, deserialize::read(&own, &sources, names_at)) {
+        (None, read) => read?,
+        (Some(first), Err(other)) => return Err(first.and(other)),
+        (Some(error), Ok(_)) => return Err(error),
     };
     if document.drapery != VERSION {
         let place = Path::default().key("drapery").place(&root);

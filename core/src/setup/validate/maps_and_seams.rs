@@ -76,8 +76,8 @@ pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut
             }
         }
         for (map, looker) in maps() {
-            let place = format!("garment \"{}\", map of {}", garment.name, map.name);
             for (_, painted) in all_maps(garment).filter(|(of, _)| *of == map.name) {
+                let place = format!("garment \"{}\", map of {}", garment.name, map.name);
                 for varied in Varied::all(description, g, (map, looker)) {
                     varied.check(painted, &place, problems);
                 }
