@@ -18,6 +18,8 @@ mod tests;
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::message::codec;
 
@@ -35,6 +37,12 @@ const CLASSES: usize = 2 * WITHIN;
 /// Number of the first class of pairs within a part.
 const WITHIN: usize = 256;
 
+/// Class of pairs that get no colour.
+const NO_CLASS: u16 = u16::MAX;
+
+/// Least number of pairs whose classes a thread computes: below, passing the work on takes longer.
+const CHUNK: usize = 4096;
+
 /// Rounds after which ranks look for pairs that cannot get a colour of a batch: few enough that a batch does not take a
 /// round for each of them, and more than there are where contacts are few.
 const ROUNDS_UNTIL_FULL: usize = 16;
@@ -51,16 +59,17 @@ const NOBODY: Key = [u32::MAX; 4];
 pub(crate) fn colours<const N: usize>(
     counts: [usize; N],
     nodes: &ContactNodes,
-    nodes_of: impl Fn(usize, usize) -> [u32; 4],
+    nodes_of: impl Fn(usize, usize) -> [u32; 4] + Sync,
 ) -> [(Vec<u32>, usize); N] {
     let mut colours = counts.map(|count| vec![NO_COLOUR; count]);
     let order_of = |list: usize| order(counts[list], nodes, |pair| nodes_of(list, pair));
-    let numbers = if nodes.ranks().is_alone() {
-        for (list, colours) in colours.iter_mut().enumerate() {
+    let numbers: Vec<usize> = if nodes.ranks().is_alone() {
+        let each = colours.par_iter_mut().enumerate().map(|(list, colours)| {
             let used_colours = &mut UsedColours::new(nodes.cloth());
             colour_one_by_one(&order_of(list).0, |pair| nodes_of(list, pair), colours, used_colours);
-        }
-        colours.iter().map(|colours| number_of(colours)).collect()
+            number_of(colours)
+        });
+        each.collect()
     } else {
         let orders: Vec<(Vec<u32>, usize)> = (0..N).map(order_of).collect();
         colour_together(nodes, nodes_of, &orders, &mut colours)
@@ -187,23 +196,26 @@ impl UsedColours {
 }
 
 /// The pairs without bodies in the order in which they choose, and how many of them are between parts.
-fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
+fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4] + Sync) -> (Vec<u32>, usize) {
     let class = |pair: usize| {
         let of = nodes_of(pair);
-        (!of.iter().any(|node| nodes.is_body(*node))).then(|| {
-            let key = of.map(|node| nodes.number(node));
-            usize::from(class(&key)) + if nodes.is_in_one_part(&key) { WITHIN } else { 0 }
-        })
+        if of.iter().any(|node| nodes.is_body(*node)) {
+            return NO_CLASS;
+        }
+        let key = of.map(|node| nodes.number(node));
+        u16::from(class(&key)) + if nodes.is_in_one_part(&key) { WITHIN as u16 } else { 0 }
     };
     let mut starts = [0usize; CLASSES + 1];
-    let classes: Vec<Option<usize>> = (0..count).map(class).collect();
-    classes.iter().flatten().for_each(|class| starts[class + 1] += 1);
+    let mut classes = vec![NO_CLASS; count];
+    classes.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(pair, of)| *of = class(pair));
+    let of_cloth = |class: &u16| (*class != NO_CLASS).then_some(usize::from(*class));
+    classes.iter().filter_map(of_cloth).for_each(|class| starts[class + 1] += 1);
     (0..CLASSES).for_each(|class| starts[class + 1] += starts[class]);
     let between = starts[WITHIN];
     let mut order = vec![0; starts[CLASSES]];
     for (pair, class) in classes.iter().enumerate() {
-        if let Some(class) = class {
-            let place = &mut starts[*class];
+        if let Some(class) = of_cloth(class) {
+            let place = &mut starts[class];
             order[*place] = pair as u32;
             *place += 1;
         }

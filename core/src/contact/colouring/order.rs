@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::contact::colouring::{self, NO_COLOUR};
 use crate::contact::topology::nodes::ContactNodes;
 
@@ -20,17 +22,19 @@ impl Order {
     /// Reorders lists of pairs, each of which has all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells
     /// their nodes. Pairs of a colour keep their order. Pairs with a point of a body have no colour, and stand behind
     /// the others. All ranks call it together.
-    pub(crate) fn of<const N: usize, T: Copy>(
+    pub(crate) fn of<const N: usize, T: Copy + Send + Sync>(
         lists: [&mut Vec<T>; N],
         nodes: &ContactNodes,
-        nodes_of: impl Fn(&T) -> [u32; 4],
+        nodes_of: impl Fn(&T) -> [u32; 4] + Sync,
     ) -> [Self; N] {
         let counts = lists.each_ref().map(|list| list.len());
-        let mut colours = colouring::colours(counts, nodes, |list, pair| nodes_of(&lists[list][pair])).into_iter();
-        lists.map(|list| {
-            let (colours, count) = colours.next().unwrap_or_default();
-            Self::by_colour(list, &colours, count)
-        })
+        let colours = colouring::colours(counts, nodes, |list, pair| nodes_of(&lists[list][pair]));
+        let mut orders = [const { Self { colours: Vec::new() } }; N];
+        let coloured = lists.into_par_iter().zip(colours);
+        orders.par_iter_mut().zip(coloured).for_each(|(order, (list, (colours, count)))| {
+            *order = Self::by_colour(list, &colours, count);
+        });
+        orders
     }
 
     /// Reorders pairs by their `count` colours.
