@@ -273,7 +273,7 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
             if is_left {
                 of.iter().for_each(|node| self.waits[*node as usize] = true);
             } else {
-                self.decide(batch, *place, full);
+                self.decide(batch, *place, &of, full);
             }
             is_left
         });
@@ -282,9 +282,9 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
     /// at a node, because where everything is near everything there are very many rounds.
-    fn rounds(&mut self, batch: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
+    fn rounds(&mut self, batch: u32, left: Vec<u32>, full: &mut Vec<u32>) {
         let mut others = self.nodes.halo().neighbours();
-        let mut wait_lists = WaitLists::new(&left, self.used.len(), |place| self.nodes_at(place));
+        let mut wait_lists = WaitLists::new(left, self.used.len(), |place| self.nodes_at(place));
         let mut changed = wait_lists.nodes();
         let mut round = 0;
         loop {
@@ -295,15 +295,15 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
             changed.clear();
             round += 1;
             if round % ROUNDS_UNTIL_FULL == 0 {
-                self.take_out_full(&mut left, &mut wait_lists, full, &mut changed);
+                self.take_out_full(&mut wait_lists, full, &mut changed);
                 looked_at.extend_from_slice(&changed);
             }
             while let Some(node) = looked_at.pop() {
-                let Some(place) = wait_lists.first(node) else { continue };
-                let of = self.nodes_at(place);
-                if of.iter().all(|node| wait_lists.first(*node) == Some(place)) && self.is_known(&of) {
-                    self.decide(batch, place, full);
-                    wait_lists.take_out(place, &of);
+                let Some(turn) = wait_lists.first(node) else { continue };
+                let of = wait_lists.nodes_of(turn);
+                if of.iter().all(|node| wait_lists.first(*node) == Some(turn)) && self.is_known(&of) {
+                    self.decide(batch, wait_lists.place(turn), &of, full);
+                    wait_lists.take_out(turn);
                     looked_at.extend(of);
                     changed.extend(of);
                 }
@@ -313,32 +313,20 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Moves pairs that cannot get a colour of this batch to `full`: colours that are taken stay taken. Called right
     /// after an exchange, so that all ranks with a node of a pair decide alike.
-    fn take_out_full(
-        &self,
-        left: &mut Vec<u32>,
-        wait_lists: &mut WaitLists,
-        full: &mut Vec<u32>,
-        changed: &mut Vec<u32>,
-    ) {
-        left.retain(|place| {
-            if wait_lists.is_out(*place) {
-                return false;
-            }
-            let of = self.nodes_at(*place);
-            let is_full = self.used_colours(&of) == u128::MAX;
-            if is_full {
-                full.push(*place);
-                wait_lists.take_out(*place, &of);
+    fn take_out_full(&self, wait_lists: &mut WaitLists, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
+        for turn in wait_lists.left() {
+            let of = wait_lists.nodes_of(turn);
+            if self.used_colours(&of) == u128::MAX {
+                full.push(wait_lists.place(turn));
+                wait_lists.take_out(turn);
                 changed.extend(of);
             }
-            !is_full
-        });
+        }
     }
 
-    /// Gives the pair at this place of the order the first free colour of the batch, or moves it to `full`.
-    fn decide(&mut self, batch: u32, place: u32, full: &mut Vec<u32>) {
-        let of = self.nodes_at(place);
-        let colour = (!self.used_colours(&of)).trailing_zeros();
+    /// Gives the pair of these nodes, at this place of the order, the first free colour of the batch, or moves it to `full`.
+    fn decide(&mut self, batch: u32, place: u32, of: &[u32; 4], full: &mut Vec<u32>) {
+        let colour = (!self.used_colours(of)).trailing_zeros();
         if colour < BATCH {
             of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
             let [list, pair] = self.order[place as usize].map(|number| number as usize);
@@ -396,7 +384,7 @@ impl<F: Fn(usize, usize) -> [u32; 4]> Colouring<'_, F> {
             return known;
         }
         for node in &known {
-            let first = wait_lists.first(*node).map(|place| self.key(&self.nodes_at(place)));
+            let first = wait_lists.first(*node).map(|turn| self.key(&wait_lists.nodes_of(turn)));
             self.announced[*node as usize] = first.unwrap_or(NOBODY);
             self.has_changed[*node as usize] = true;
         }
@@ -430,38 +418,50 @@ struct Announcement {
 
 codec!(struct Announcement { list, first, used });
 
-/// The undecided pairs of each node, by their places in the order, ascending.
+/// Undecided pairs of each node in the order in which they choose. A pair is known by its *turn*, its place among those that
+/// began undecided; what a look at a pair needs is close together in memory, since each is looked at many times.
 struct WaitLists {
+    /// Place in the order of all pairs, by turn.
     places: Vec<u32>,
-    /// Range of the pairs of each node in `places`.
+    /// Nodes of each pair, by turn.
+    nodes: Vec<[u32; 4]>,
+    /// The first undecided pair of each node; [`NO_TURN`] for none.
+    first: Vec<u32>,
+    /// Pairs of all nodes, ascending for each of them.
+    turns: Vec<u32>,
+    /// Range of the pairs of each node in `turns`, from the first undecided one on.
     ranges: Vec<Range<usize>>,
-    /// Whether the pair at a place has been taken out.
+    /// Whether the pair has been taken out, by turn.
     is_out: Vec<bool>,
     /// Number of pairs that are left.
     count: usize,
 }
 
+const NO_TURN: u32 = u32::MAX;
+
 impl WaitLists {
     /// Makes the lists of the pairs at these places, ascending.
-    fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
-        let mut ranges = vec![0..0; nodes];
-        left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ranges[*node as usize].end += 1));
+    fn new(places: Vec<u32>, node_count: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
+        let nodes: Vec<[u32; 4]> = places.iter().map(|place| nodes_at(*place)).collect();
+        let mut ranges = vec![0..0; node_count];
+        nodes.iter().flatten().for_each(|node| ranges[*node as usize].end += 1);
         let mut total = 0;
         for range in &mut ranges {
             let count = range.end;
             *range = total..total;
             total += count;
         }
-        let mut places = vec![0; total];
-        for place in left {
-            for node in nodes_at(*place) {
-                let end = &mut ranges[node as usize].end;
-                places[*end] = *place;
+        let mut turns = vec![0; total];
+        for (turn, of) in (0..).zip(&nodes) {
+            for node in of {
+                let end = &mut ranges[*node as usize].end;
+                turns[*end] = turn;
                 *end += 1;
             }
         }
-        let is_out = vec![false; left.last().map_or(0, |last| *last as usize + 1)];
-        Self { places, ranges, is_out, count: left.len() }
+        let first = ranges.iter().map(|range| if range.is_empty() { NO_TURN } else { turns[range.start] }).collect();
+        let (is_out, count) = (vec![false; places.len()], places.len());
+        Self { places, nodes, first, turns, ranges, is_out, count }
     }
 
     fn is_empty(&self) -> bool {
@@ -470,29 +470,43 @@ impl WaitLists {
 
     /// Nodes that have any.
     fn nodes(&self) -> Vec<u32> {
-        (0..self.ranges.len() as u32).filter(|node| self.first(*node).is_some()).collect()
+        (0..self.first.len() as u32).filter(|node| self.first(*node).is_some()).collect()
     }
 
     /// The first pair of a node.
     fn first(&self, node: u32) -> Option<u32> {
-        let range = &self.ranges[node as usize];
-        (!range.is_empty()).then(|| self.places[range.start])
+        let turn = self.first[node as usize];
+        (turn != NO_TURN).then_some(turn)
     }
 
-    /// Whether a pair that was there is not any more.
-    fn is_out(&self, place: u32) -> bool {
-        self.is_out[place as usize]
+    /// Nodes of a pair.
+    fn nodes_of(&self, turn: u32) -> [u32; 4] {
+        self.nodes[turn as usize]
     }
 
-    /// Takes out a pair of these nodes.
-    fn take_out(&mut self, place: u32, of: &[u32; 4]) {
-        self.is_out[place as usize] = true;
+    /// Place of a pair in the order of all.
+    fn place(&self, turn: u32) -> u32 {
+        self.places[turn as usize]
+    }
+
+    /// Pairs that are left, ascending.
+    fn left(&self) -> Vec<u32> {
+        (0..).zip(&self.is_out).filter_map(|(turn, is_out)| (!is_out).then_some(turn)).collect()
+    }
+
+    /// Takes out a pair.
+    fn take_out(&mut self, turn: u32) {
+        self.is_out[turn as usize] = true;
         self.count -= 1;
-        for node in of {
-            let range = &mut self.ranges[*node as usize];
-            while range.start < range.end && self.is_out[self.places[range.start] as usize] {
+        for node in self.nodes[turn as usize] {
+            if self.first[node as usize] != turn {
+                continue;
+            }
+            let range = &mut self.ranges[node as usize];
+            while range.start < range.end && self.is_out[self.turns[range.start] as usize] {
                 range.start += 1;
             }
+            self.first[node as usize] = if range.start < range.end { self.turns[range.start] } else { NO_TURN };
         }
     }
 }
